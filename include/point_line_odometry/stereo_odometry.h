@@ -1,0 +1,141 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "point_line_odometry/features.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// How far the pose can be trusted.
+enum class TrackingState {
+  kInitializing,  ///< the first frame: pose known by definition, no motion yet
+  kOk,            ///< motion measured
+  kDegraded,      ///< motion predicted from the velocity, with growing covariance
+  kLost           ///< no measurement for longer than the prediction may last: the pose is held
+};
+
+/// Why the state is not kOk.
+enum class TrackingReason {
+  kNone,
+  kFirstFrame,
+  kStampNotNewer,   ///< frame dropped, nothing changed
+  kWrongImages,     ///< empty, of another type or size than the camera; frame dropped, nothing changed
+  kFrameGap,        ///< too long since the last frame: new reference
+  kTooFewFeatures,
+  kTooFewMatches,
+  kSolverFailed,
+  kTooFewInliers,
+  kTooFast
+};
+
+const char* toString(TrackingState state);
+const char* toString(TrackingReason reason);
+
+/// Stages whose time is taken. kNumStages counts them.
+enum class Stage { kDetect, kMatchStereo, kMatchCircular, kTriangulate, kEstimate, kFuse, kNumStages };
+constexpr int kNumStages = static_cast<int>(Stage::kNumStages);
+
+/// Lower-case name, as in the columns of frames.csv.
+const char* toString(Stage stage);
+
+/// Time per stage of one frame [ms].
+struct StageTimes {
+  std::array<double, kNumStages> ms{};
+  double total_ms = 0.0;
+
+  double operator[](Stage stage) const { return ms[static_cast<std::size_t>(stage)]; }
+};
+
+/// How many features survived each stage of one frame.
+struct FrameCounts {
+  int points_left = 0;
+  int points_right = 0;
+  int lines_left = 0;
+  int lines_right = 0;
+  int point_stereo_matches = 0;
+  int line_stereo_matches = 0;
+  int point_matches = 0;              ///< circular
+  int line_matches = 0;               ///< circular
+  int lines_not_triangulable = 0;     ///< circular matches too near to the epipolar direction, or at infinity
+  int point_inliers = 0;
+  int line_inliers = 0;
+  int iterations = 0;
+};
+
+/// A matched point, in the current left camera.
+struct ObservedPoint {
+  Eigen::Vector2f left_px = Eigen::Vector2f::Zero();
+  Eigen::Vector2f right_px = Eigen::Vector2f::Zero();
+  Eigen::Vector3f p_camera = Eigen::Vector3f::Zero();  ///< [m]
+  bool inlier = false;
+};
+
+/// A matched segment, in the current left camera.
+struct ObservedLine {
+  LineSegment left_px;
+  LineSegment right_px;
+  Eigen::Vector3f start_camera = Eigen::Vector3f::Zero();  ///< [m]
+  Eigen::Vector3f end_camera = Eigen::Vector3f::Zero();    ///< [m]
+  bool inlier = false;
+};
+
+/// Everything that is known after a frame.
+struct FrameResult {
+  std::int64_t stamp_ns = 0;
+  TrackingState state = TrackingState::kInitializing;
+  TrackingReason reason = TrackingReason::kFirstFrame;
+  /// Pose of the rectified left camera in the frame in which it was at the first frame (or as set by reset()). Always finite.
+  Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
+  Matrix6d pose_covariance = Matrix6d::Zero();    ///< of T_odom_camera, along and about the axes of odom
+  /// Velocity of the camera in its own axes: linear [m/s], angular [rad/s].
+  Vector6d twist = Vector6d::Zero();
+  Matrix6d twist_covariance = Matrix6d::Zero();
+  double rms_px = 0.0;                            ///< of the inliers' residuals
+  FrameCounts counts;
+  StageTimes times;
+  std::vector<ObservedPoint> points;
+  std::vector<ObservedLine> lines;
+  std::vector<Eigen::Vector2f> unmatched_points_px;  ///< detected in the left image, not matched
+  std::vector<LineSegment> unmatched_lines_px;       ///< the same for segments
+
+  /// False for a frame that was dropped without changing anything.
+  bool accepted() const { return reason != TrackingReason::kStampNotNewer && reason != TrackingReason::kWrongImages; }
+};
+
+/// The pipeline: one call per stereo frame. Deterministic; not thread-safe; no ROS.
+class StereoOdometry {
+ public:
+  /// Throws std::invalid_argument if the camera or a parameter is out of its range (all bad ones are named).
+  StereoOdometry(const StereoCamera& camera, const Parameters& parameters);
+
+  /// Estimates the motion since the last frame and integrates it. Bad data gives a state and reason, never an exception.
+  FrameResult process(const StereoImages& images);
+
+  /// Forgets the past; the next frame is the first one, and has this pose.
+  void reset(const Eigen::Isometry3d& T_odom_camera = Eigen::Isometry3d::Identity());
+
+  /// Takes another calibration: new reference, pose and covariance kept.
+  void setCamera(const StereoCamera& camera);
+
+  /// Takes other parameters from the next frame on. Throws like the constructor.
+  void setParameters(const Parameters& parameters);
+
+  const StereoCamera& camera() const { return camera_; }
+  const Parameters& parameters() const { return parameters_; }
+
+ private:
+  // filled in by the implementation
+  StereoCamera camera_;
+  Parameters parameters_;
+};
+
+}  // namespace point_line_odometry

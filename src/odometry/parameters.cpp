@@ -1,0 +1,115 @@
+#include "point_line_odometry/parameters.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+
+namespace point_line_odometry {
+namespace {
+
+std::string join(const std::vector<std::string>& words, const std::string& separator) {
+  std::string joined;
+  for (const std::string& word : words) joined += (joined.empty() ? "" : separator) + word;
+  return joined;
+}
+
+/// Collects one sentence for each value that is not allowed.
+struct Checker {
+  std::vector<std::string> errors;
+
+  void operator()(const char*, bool, const char*) {}
+
+  template <typename T>
+  void operator()(const char* name, T value, T minimum, T maximum, const char* unit, const char*) {
+    if (std::isfinite(static_cast<double>(value)) && value >= minimum && value <= maximum) return;
+    std::ostringstream text;
+    text << name << " is " << value << ", but must lie in [" << minimum << ", " << maximum << "]"
+         << (*unit ? " " : "") << unit;
+    errors.push_back(text.str());
+  }
+
+  void operator()(const char* name, const std::string& value, const std::vector<std::string>& choices,
+                  const char*) {
+    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
+    errors.push_back(std::string(name) + " is '" + value + "', but must be one of: " + join(choices, ", "));
+  }
+};
+
+/// Collects "a/b/c" -> node for the leaves of nested maps.
+void flatten(const YAML::Node& node, const std::string& prefix,
+             std::vector<std::pair<std::string, YAML::Node>>* leaves) {
+  for (const auto& entry : node) {
+    const std::string name = prefix + entry.first.as<std::string>();
+    if (entry.second.IsMap()) {
+      flatten(entry.second, name + "/", leaves);
+    } else {
+      leaves->emplace_back(name, entry.second);
+    }
+  }
+}
+
+/// Sets what the file names, and remembers which names are known and which values have the wrong type.
+struct YamlReader {
+  const std::vector<std::pair<std::string, YAML::Node>>& leaves;
+  std::set<std::string> known;
+  std::vector<std::string> errors;
+
+  template <typename T, typename... Rest>
+  void operator()(const char* name, T& value, const Rest&...) {
+    known.insert(name);
+    for (const auto& leaf : leaves) {
+      if (leaf.first != name) continue;
+      try {
+        value = leaf.second.as<T>();
+      } catch (const YAML::Exception&) {
+        errors.push_back(leaf.first + " has a value of the wrong type");
+      }
+    }
+  }
+};
+
+}  // namespace
+
+std::vector<std::string> checkParameters(const Parameters& parameters) {
+  Checker checker;
+  visitParameters(parameters, checker);
+  if (parameters.points.fast_threshold_min > parameters.points.fast_threshold) {
+    checker.errors.push_back("points/fast_threshold_min is larger than points/fast_threshold");
+  }
+  if (!parameters.points.enabled && !parameters.lines.enabled) {
+    checker.errors.push_back("points/enabled and lines/enabled are both false: nothing is left to track");
+  }
+  return std::move(checker.errors);
+}
+
+Parameters loadParameters(const std::string& yaml_file, const std::vector<std::string>& ignored) {
+  YAML::Node root;
+  try {
+    root = YAML::LoadFile(yaml_file);
+  } catch (const YAML::Exception& error) {
+    throw std::runtime_error("parameter file '" + yaml_file + "' cannot be read: " + error.what());
+  }
+  std::vector<std::pair<std::string, YAML::Node>> leaves;
+  if (root.IsMap()) flatten(root, "", &leaves);
+
+  Parameters parameters;
+  YamlReader reader{leaves, {}, {}};
+  visitParameters(parameters, reader);
+  for (const auto& leaf : leaves) {
+    const bool legal = reader.known.count(leaf.first) > 0 ||
+                       std::find(ignored.begin(), ignored.end(), leaf.first) != ignored.end();
+    if (!legal) reader.errors.push_back("unknown parameter " + leaf.first);
+  }
+  const std::vector<std::string> out_of_range = checkParameters(parameters);
+  reader.errors.insert(reader.errors.end(), out_of_range.begin(), out_of_range.end());
+  if (!reader.errors.empty()) {
+    throw std::runtime_error("parameter file '" + yaml_file + "': " + join(reader.errors, "; "));
+  }
+  return parameters;
+}
+
+}  // namespace point_line_odometry
