@@ -12,14 +12,16 @@
 
 namespace point_line_odometry {
 
-/// Input that a user gave and that cannot be used; what() is one sentence that names the thing and the cure.
+/// Input that a user gave and that cannot be used; what() is one sentence that names the thing and
+/// the cure.
 class InputError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// A folder of stereo images, KITTI odometry layout (image_0, image_1, calib.txt, times.txt, optionally poses.txt) or EuRoC
-/// layout (mav0/cam0, mav0/cam1, optionally mav0/state_groundtruth_estimate0; the folder may be mav0 or its parent).
+/// A folder of stereo images, KITTI odometry layout (image_0, image_1, calib.txt, times.txt,
+/// optionally poses.txt) or EuRoC layout (mav0/cam0, mav0/cam1, optionally
+/// mav0/state_groundtruth_estimate0; the folder may be mav0 or its parent).
 class StereoDataset {
  public:
   struct Frame {
@@ -28,8 +30,9 @@ class StereoDataset {
     std::string right_file;
   };
 
-  /// Reads the index and calibration, no image. Throws InputError if the folder is missing, empty, truncated (files that
-  /// the index names are not there, left and right differ in number) or its calibration unusable.
+  /// Reads the index and calibration, and one image for its size where the calibration does not
+  /// tell it (KITTI). Throws InputError if the folder is missing, empty, truncated (files that the
+  /// index names are not there, left and right differ in number) or its calibration unusable.
   static StereoDataset open(const std::string& folder);
 
   std::size_t size() const { return frames_.size(); }
@@ -39,16 +42,22 @@ class StereoDataset {
   /// True if images are raw and must be rectified with calibration() (EuRoC).
   bool needsRectification() const { return needs_rectification_; }
 
-  /// Images as stored, CV_8UC1. Throws InputError if a file does not decode or has another size than the calibration.
+  /// Images as stored, CV_8UC1. Throws InputError if a file does not decode or has another size
+  /// than the calibration.
   StereoImages load(std::size_t index) const;
 
-  /// Ground truth of the left camera as stored in the folder (raw left camera for raw images), empty if there is none.
+  /// Ground truth of the left camera as stored in the folder (raw left camera for raw images),
+  /// empty if there is none. For KITTI it is poses.txt of the folder, or else ../../poses/NAME.txt
+  /// as in the published data set.
   const std::vector<StampedPose>& groundTruth() const { return ground_truth_; }
 
   /// Pose of the left camera in the body (EuRoC's T_BS; for KITTI none).
   const std::optional<Eigen::Isometry3d>& T_body_camera() const { return T_body_camera_; }
 
  private:
+  static StereoDataset openKitti(const std::string& folder);
+  static StereoDataset openEuroc(const std::string& folder);
+
   std::vector<Frame> frames_;
   StereoCalibration calibration_;
   bool needs_rectification_ = false;

@@ -1,44 +1,97 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
 #include "point_line_odometry/features.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/triangulation.h"
 
 namespace point_line_odometry {
 
-/// Four features that are one thing in the world: indices into the feature lists of the four images. For points and lines alike.
-struct CircularMatch {
-  int prev_left = -1;
-  int prev_right = -1;
-  int curr_right = -1;
-  int curr_left = -1;
+/// Indices into two lists whose elements are the same thing.
+struct IndexPair {
+  int first = -1;
+  int second = -1;
 };
 
-struct CircularMatches {
-  std::vector<CircularMatch> points;
-  std::vector<CircularMatch> lines;
+/// A point seen in both images of one stereo frame.
+struct StereoPoint {
+  int left = -1;   ///< index into StereoFeatures::points_left
+  int right = -1;  ///< index into StereoFeatures::points_right
+  TriangulatedPoint triangulated;
 };
 
-/// Right partner of each left feature of one stereo frame (index, or -1), and the left partner of each right one.
+/// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the epipolar direction.
+struct StereoLine {
+  int left = -1;   ///< index into StereoFeatures::lines_left
+  int right = -1;  ///< index into StereoFeatures::lines_right
+  std::optional<TriangulatedLine> triangulated;
+};
+
+/// One stereo frame after detection, stereo matching and triangulation; the next frame is matched with it.
+struct StereoFrame {
+  std::int64_t stamp_ns = 0;
+  StereoImages images;  ///< own copies: sub-pixel matching of the next frame looks at them
+  StereoFeatures features;
+  std::vector<StereoPoint> points;
+  std::vector<StereoLine> lines;
+};
+
+/// Pairs of points (left, right) within the epipolar window delta_u x delta_v, each the other's best descriptor.
+std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
+                                         const std::vector<PointFeature>& right,
+                                         const MatchingParameters& parameters);
+
+/// Pairs of segments (left, right) of like direction that share rows, each the other's best descriptor.
+std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
+                                        const std::vector<LineFeature>& right,
+                                        const MatchingParameters& parameters);
+
+/// Pairs (left, right) of features of one stereo frame.
 struct StereoMatches {
-  std::vector<int> points_right_of_left;
-  std::vector<int> points_left_of_right;
-  std::vector<int> lines_right_of_left;
-  std::vector<int> lines_left_of_right;
+  std::vector<IndexPair> points;
+  std::vector<IndexPair> lines;
 };
 
-/// Left-right legs of the circle for one stereo frame: best descriptor within the epipolar window delta_u x delta_v.
+/// Both of the above.
 StereoMatches matchStereo(const StereoFeatures& features, const MatchingParameters& parameters);
 
-/// Walks l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) and keeps what ends where it began (paper, section 2).
-/// \param T_curr_prev predicted motion from the velocity (paper, eq. 1); without one, identity and the wider radius are used.
-CircularMatches matchCircular(const StereoFeatures& prev, const StereoMatches& prev_stereo, const StereoFeatures& curr,
-                              const StereoMatches& curr_stereo, const StereoCamera& camera,
-                              const std::optional<Eigen::Isometry3d>& T_curr_prev,
-                              const MatchingParameters& parameters);
+/// Where features are expected in frame k, and how far from there they are looked for.
+struct MotionPrediction {
+  Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
+  double radius_px = 25.0;
+};
+
+/// Pairs of stereo points (k-1, k) whose circle l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) closes (paper, section 2): the legs
+/// within a frame are the stereo pairs, those between frames the best descriptors near the predicted place (paper, eq. 1).
+std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
+                                           const StereoCamera& camera, const MotionPrediction& prediction,
+                                           const MatchingParameters& parameters);
+
+/// The same for triangulated stereo lines of frame k-1, with the appearance-geometry constraint (paper, section 3).
+std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
+                                          const StereoCamera& camera, const MotionPrediction& prediction,
+                                          const MatchingParameters& parameters);
+
+/// Pairs (k-1, k) of stereo points and of stereo lines.
+struct CircularMatches {
+  std::vector<IndexPair> points;
+  std::vector<IndexPair> lines;
+};
+
+/// Both of the above.
+CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr, const StereoCamera& camera,
+                              const MotionPrediction& prediction, const MatchingParameters& parameters);
+
+/// Aligns the patch round a pixel of one image with another image by translation (inverse compositional Lucas-Kanade with the
+/// mean brightness removed). Nothing if it does not converge near the initial place, or the patches differ.
+/// \param reference_px centre of the patch [px]; \param initial_px where it is expected in the target.
+std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference, const Eigen::Vector2f& reference_px,
+                                          const cv::Mat& target, const Eigen::Vector2f& initial_px);
 
 }  // namespace point_line_odometry

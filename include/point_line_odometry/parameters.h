@@ -12,8 +12,7 @@ struct PointParameters {
   int max_per_cell = 8;
   int levels = 1;
   double scale_factor = 1.2;
-  int fast_threshold = 20;
-  int fast_threshold_min = 7;
+  int fast_threshold = 7;
 };
 
 /// Lines: straight edges validated a contrario, with LBD descriptors.
@@ -21,7 +20,7 @@ struct LineParameters {
   bool enabled = true;
   double min_length_px = 20.0;
   int max_count = 300;
-  double min_gradient = 16.0;
+  double min_gradient = 4.0;
   double max_deviation_px = 1.0;
 };
 
@@ -85,9 +84,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "", "most points kept in a cell; more cost time");
   visit("points/levels", p.points.levels, 1, 8, "", "pyramid levels in which corners are looked for");
   visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "", "ratio of size between pyramid levels");
-  visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels", "contrast of a corner");
-  visit("points/fast_threshold_min", p.points.fast_threshold_min, 1, 100, "grey levels",
-        "contrast to which a cell short of points lowers its threshold");
+  visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",
+        "weakest contrast of a corner; a cell takes it only when it has no stronger ones");
 
   visit("lines/enabled", p.lines.enabled, "use line segments");
   visit("lines/min_length_px", p.lines.min_length_px, 8.0, 500.0, "px", "shorter segments are dropped");

@@ -12,37 +12,45 @@ namespace point_line_odometry {
 
 /// Calibration of one raw camera in the fields of sensor_msgs/CameraInfo.
 struct CameraCalibration {
-  int width = 0;                                     ///< [px]
-  int height = 0;                                    ///< [px]
-  std::string distortion_model = "plumb_bob";        ///< plumb_bob, rational_polynomial or equidistant
-  std::vector<double> D;                             ///< distortion coefficients, empty for none
-  Eigen::Matrix3d K = Eigen::Matrix3d::Zero();       ///< intrinsics of the raw image [px]
-  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();   ///< R_rectified_raw: rotates raw camera coordinates to rectified
-  Eigen::Matrix<double, 3, 4> P = Eigen::Matrix<double, 3, 4>::Zero();  ///< projection of the rectified camera [px]
+  int width = 0;                                ///< [px]
+  int height = 0;                               ///< [px]
+  std::string distortion_model = "plumb_bob";   ///< plumb_bob, rational_polynomial or equidistant
+  std::vector<double> D;                        ///< distortion coefficients, empty for none
+  Eigen::Matrix3d K = Eigen::Matrix3d::Zero();  ///< intrinsics of the raw image [px]
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< R_rectified_raw: rotates raw camera
+                                                    ///< coordinates to rectified
+  Eigen::Matrix<double, 3, 4> P =
+      Eigen::Matrix<double, 3, 4>::Zero();  ///< projection of the rectified camera [px]
 };
 
-/// Calibration of a stereo pair. P of the right camera carries the baseline: P(0, 3) = -fx * baseline.
+/// Calibration of a stereo pair. P of the right camera carries the baseline: P(0, 3) = -fx *
+/// baseline.
 struct StereoCalibration {
   CameraCalibration left;
   CameraCalibration right;
 };
 
-/// The rectified pair that the two P matrices describe. Throws std::invalid_argument that names the field, its value
-/// and the cure if the P matrices are zero, not finite, of different cameras, or give a baseline <= 0.
+/// The rectified pair that the two P matrices describe. Throws std::invalid_argument that names the
+/// field, its value and the cure if the P matrices are zero, not finite, of different cameras, or
+/// give a baseline <= 0.
 StereoCamera rectifiedCamera(const StereoCalibration& calibration);
 
-/// Fills R and P of both cameras from K, D and the pose of the right camera, such that rows of the rectified images
-/// correspond and no pixel outside the raw images is seen (Bouguet's method, cv::stereoRectify with alpha = 0).
-/// \param T_right_left maps coordinates of the raw left camera to the raw right camera.
-StereoCalibration rectifyCalibration(StereoCalibration calibration, const Eigen::Isometry3d& T_right_left);
+/// Fills R and P of both cameras from K, D and the pose of the right camera, such that rows of the
+/// rectified images correspond and no pixel outside the raw images is seen (Bouguet's method,
+/// cv::stereoRectify with alpha = 0). \param T_right_left maps coordinates of the raw left camera
+/// to the raw right camera.
+StereoCalibration rectifyCalibration(StereoCalibration calibration,
+                                     const Eigen::Isometry3d& T_right_left);
 
 /// Turns raw image pairs into rectified ones. The look-up tables are made once.
 class StereoRectifier {
  public:
-  /// Throws std::invalid_argument like rectifiedCamera(), and if K or R is unusable or the distortion model unknown.
+  /// Throws std::invalid_argument like rectifiedCamera(), and if K or R is unusable or the
+  /// distortion model unknown.
   explicit StereoRectifier(const StereoCalibration& calibration);
 
-  /// Rectified copies of a raw CV_8UC1 pair of the calibrated size (throws std::invalid_argument for other sizes).
+  /// Rectified copies of a raw CV_8UC1 pair of the calibrated size (throws std::invalid_argument
+  /// for other sizes).
   StereoImages rectify(const StereoImages& raw) const;
 
   const StereoCamera& camera() const { return camera_; }

@@ -11,6 +11,7 @@
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/stereo_feature_detector.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -133,9 +134,51 @@ class StereoOdometry {
   const Parameters& parameters() const { return parameters_; }
 
  private:
-  // filled in by the implementation
+  /// What the images say about the motion since the reference frame.
+  struct Measurement {
+    TrackingReason reason = TrackingReason::kNone;  // kNone: the motion is measured
+    CircularMatches matches;                        // (reference, current)
+    Correspondences correspondences;
+    MotionEstimate motion;
+  };
+
+  /// Velocity of the camera in its own axes, linear [m/s] and angular [rad/s].
+  struct Velocity {
+    Vector6d value = Vector6d::Zero();
+    Matrix6d covariance = Matrix6d::Zero();
+    double measured_over_s = 0.0;
+    std::int64_t stamp_ns = 0;
+  };
+
+  struct EarlierFrame {
+    StereoFrame frame;
+    Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
+  };
+
+  StereoFrame makeFrame(const StereoImages& images, StageTimes* times);
+  Measurement measure(const StereoFrame& curr, StageTimes* times) const;
+  MotionEstimate fuseWithTwoFrameEstimate(const StereoFrame& curr, const Measurement& measurement) const;
+  MotionPrediction predict(double dt_s) const;
+  void integrateMeasurement(const Measurement& measurement, const StereoFrame& curr);
+  void integratePrediction(const StereoFrame& curr, double dt_s);
+  void takeReference(StereoFrame curr, const Measurement& measurement);
+  void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
+  void startNewReference();
+
   StereoCamera camera_;
   Parameters parameters_;
+  StereoFeatureDetector detector_;
+
+  // State.
+  TrackingState state_ = TrackingState::kInitializing;
+  std::optional<StereoFrame> reference_;          // frame k-1: the last one that others can be matched with
+  std::optional<EarlierFrame> before_reference_;  // frame k-2, kept for the fusion of rotations
+  Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
+  Matrix6d reference_covariance_ = Matrix6d::Zero();
+  Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();  // of the last frame, measured or predicted
+  Matrix6d pose_covariance_ = Matrix6d::Zero();
+  std::optional<Velocity> velocity_;              // none before two frames were matched
+  std::optional<std::int64_t> last_stamp_ns_;     // of the last accepted frame
 };
 
 }  // namespace point_line_odometry

@@ -13,7 +13,8 @@ struct StampedPose {
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
 };
 
-/// Rows of "stamp tx ty tz qx qy qz qw" [s, m], qw >= 0, nine decimals of the stamp, the same bytes for the same poses.
+/// Rows of "stamp tx ty tz qx qy qz qw" [s, m], qw >= 0, nine decimals of the stamp, the same bytes
+/// for the same poses.
 void writeTum(std::ostream& out, const std::vector<StampedPose>& trajectory);
 
 /// Rows of the 12 numbers of the 3 x 4 matrix, row-major [m].

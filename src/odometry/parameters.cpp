@@ -77,9 +77,6 @@ struct YamlReader {
 std::vector<std::string> checkParameters(const Parameters& parameters) {
   Checker checker;
   visitParameters(parameters, checker);
-  if (parameters.points.fast_threshold_min > parameters.points.fast_threshold) {
-    checker.errors.push_back("points/fast_threshold_min is larger than points/fast_threshold");
-  }
   if (!parameters.points.enabled && !parameters.lines.enabled) {
     checker.errors.push_back("points/enabled and lines/enabled are both false: nothing is left to track");
   }

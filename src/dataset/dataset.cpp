@@ -1,0 +1,398 @@
+#include "point_line_odometry/dataset.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <locale>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+namespace point_line_odometry {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kNanosecondsPerSecond = 1e9;
+constexpr std::uint64_t kMaxStamp_ns = 4000000000000000000U;  // what a ROS time can hold
+
+template <typename... Parts>
+[[noreturn]] void fail(const Parts&... parts) {
+  std::ostringstream text;
+  (text << ... << parts);
+  throw InputError(text.str());
+}
+
+std::string quoted(const fs::path& path) { return "'" + path.string() + "'"; }
+
+/// Lines without line ends (LF or CRLF); empty lines and comments (#) are left out.
+std::vector<std::string> readLines(const fs::path& file) {
+  std::ifstream in(file);
+  if (!in) fail("file ", quoted(file), " is missing or unreadable: unpack the data set completely");
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) {
+    while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back()))) line.pop_back();
+    if (!line.empty() && line.front() != '#') lines.push_back(line);
+  }
+  return lines;
+}
+
+/// The numbers of a row, separated by blanks or commas. Throws if something else stands there.
+std::vector<double> parseNumbers(std::string row, const fs::path& file) {
+  std::replace(row.begin(), row.end(), ',', ' ');
+  std::istringstream in(row);
+  in.imbue(std::locale::classic());
+  std::vector<double> numbers;
+  for (double number = 0.0; in >> number;) numbers.push_back(number);
+  if (!in.eof()) fail("file ", quoted(file), " has a row that is not numbers: '", row, "'");
+  return numbers;
+}
+
+/// The leading field of a row; what is later than ROS can tell is refused.
+std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
+  const std::string field = row.substr(0, row.find_first_of(", \t"));
+  const bool digits =
+      std::all_of(field.begin(), field.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+  if (field.empty() || !digits || field.size() > 19 || std::stoull(field) > kMaxStamp_ns) {
+    fail("file ", quoted(file), " has a row without a stamp in nanoseconds: '", row, "'");
+  }
+  return std::stoll(field);
+}
+
+std::vector<char> readBytes(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  if (!in) fail("image ", quoted(file), " is missing or unreadable: unpack the data set again");
+  std::vector<char> bytes(static_cast<std::size_t>(std::max<std::streamoff>(in.tellg(), 0)));
+  in.seekg(0).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  return in ? bytes : std::vector<char>();
+}
+
+/// A PNG that was cut off lacks its closing chunk; looked for here, as libpng complains on stderr.
+bool isCutOffPng(const std::vector<char>& bytes) {
+  const auto tail = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(bytes.size()), 64);
+  return bytes.size() > 4 && std::string(bytes.data(), 4) == "\x89PNG" &&
+         std::string(bytes.end() - tail, bytes.end()).find("IEND") == std::string::npos;
+}
+
+cv::Mat readImage(const fs::path& file) {
+  const std::vector<char> bytes = readBytes(file);
+  cv::Mat image;
+  try {
+    if (!bytes.empty() && !isCutOffPng(bytes)) image = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE);
+  } catch (const cv::Exception&) {
+    image.release();
+  }
+  if (!image.empty()) return image;
+  fail("image ", quoted(file), " cannot be decoded: it is damaged or cut off, fetch it again");
+}
+
+void requireSize(const cv::Mat& image, const std::string& file, const CameraCalibration& camera) {
+  if (image.cols == camera.width && image.rows == camera.height) return;
+  fail("image '", file, "' is ", image.cols, " x ", image.rows, ", but the calibration is for ",
+       camera.width, " x ", camera.height, ": fetch images and calibration of one sequence");
+}
+
+/// Throws if a file of the index is not there.
+void requireFiles(const std::vector<StereoDataset::Frame>& frames, const fs::path& folder) {
+  std::size_t missing = 0;
+  std::string first;
+  for (const StereoDataset::Frame& frame : frames) {
+    for (const std::string& file : {frame.left_file, frame.right_file}) {
+      if (fs::exists(file)) continue;
+      if (missing++ == 0) first = file;
+    }
+  }
+  if (missing == 0) return;
+  fail("data set ", quoted(folder), " is truncated: ", missing, " of ", 2 * frames.size(),
+       " images are missing, the first is '", first, "'; unpack it again");
+}
+
+/// Runs a step on the calibration, and names the file if it is refused.
+template <typename Step>
+auto withCalibrationFile(const fs::path& file, const Step& step) {
+  try {
+    return step();
+  } catch (const std::invalid_argument& error) {
+    throw InputError("calibration " + quoted(file) + " is unusable: " + error.what());
+  } catch (const YAML::Exception& error) {
+    throw InputError("calibration " + quoted(file) + " is unusable: " + error.what() +
+                     "; fetch the file again");
+  }
+}
+
+// --- KITTI ------------------------------------------------------------------------------------
+
+std::vector<std::string> listImages(const fs::path& folder) {
+  if (!fs::is_directory(folder)) {
+    fail("folder ", quoted(folder), " is missing: a KITTI sequence needs image_0 and image_1");
+  }
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ".png") names.push_back(entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::vector<std::int64_t> readKittiStamps(const fs::path& file) {
+  std::vector<std::int64_t> stamps;
+  for (const std::string& row : readLines(file)) {
+    const std::vector<double> numbers = parseNumbers(row, file);
+    if (numbers.size() != 1 || !(numbers[0] >= 0.0) ||
+        numbers[0] * kNanosecondsPerSecond > static_cast<double>(kMaxStamp_ns)) {
+      fail("file ", quoted(file), " has the row '", row, "', but must hold seconds, one a row");
+    }
+    stamps.push_back(std::llround(numbers[0] * kNanosecondsPerSecond));
+  }
+  return stamps;
+}
+
+std::vector<StereoDataset::Frame> indexKitti(const fs::path& folder) {
+  const std::vector<std::string> left = listImages(folder / "image_0");
+  const std::vector<std::string> right = listImages(folder / "image_1");
+  const std::vector<std::int64_t> stamps = readKittiStamps(folder / "times.txt");
+  if (left.empty() && right.empty()) {
+    fail("data set ", quoted(folder), " is empty: image_0 and image_1 hold no PNG image");
+  }
+  if (left.size() != right.size() || left.size() != stamps.size()) {
+    fail("data set ", quoted(folder), " is truncated: image_0 has ", left.size(),
+         " images, image_1 ", right.size(), " and times.txt ", stamps.size(),
+         " rows; unpack it again");
+  }
+  std::vector<StereoDataset::Frame> frames(left.size());
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    frames[i] = {stamps[i], (folder / "image_0" / left[i]).string(),
+                 (folder / "image_1" / left[i]).string()};
+  }
+  requireFiles(frames, folder);
+  return frames;
+}
+
+/// The 3 x 4 matrix of a KITTI row.
+Eigen::Matrix<double, 3, 4> toMatrix34(const std::vector<double>& numbers, const fs::path& file) {
+  if (numbers.size() != 12) {
+    fail("file ", quoted(file), " has a row of ", numbers.size(),
+         " numbers instead of 12: it is truncated or of another kind; fetch it again");
+  }
+  return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(numbers.data());
+}
+
+CameraCalibration readKittiCamera(const fs::path& file, const std::string& name) {
+  for (const std::string& row : readLines(file)) {
+    if (row.rfind(name + ":", 0) != 0) continue;
+    CameraCalibration camera;
+    camera.P = toMatrix34(parseNumbers(row.substr(name.size() + 1), file), file);
+    camera.K = camera.P.leftCols<3>();
+    camera.D.assign(5, 0.0);
+    return camera;
+  }
+  fail("calibration ", quoted(file), " has no row '", name, ":': P0 and P1 are needed");
+}
+
+StereoCalibration readKittiCalibration(const fs::path& file, const cv::Size& size) {
+  StereoCalibration calibration{readKittiCamera(file, "P0"), readKittiCamera(file, "P1")};
+  for (CameraCalibration* camera : {&calibration.left, &calibration.right}) {
+    camera->width = size.width;
+    camera->height = size.height;
+  }
+  withCalibrationFile(file, [&] { return rectifiedCamera(calibration); });
+  return calibration;
+}
+
+/// Ground truth of the sequence: inside of the folder, or where the published data set has it.
+std::vector<StampedPose> readKittiPoses(const fs::path& folder,
+                                        const std::vector<StereoDataset::Frame>& frames) {
+  fs::path file = folder / "poses.txt";
+  if (!fs::exists(file)) {
+    const fs::path sequence = fs::canonical(folder);
+    file = sequence.parent_path().parent_path() / "poses" / (sequence.filename().string() + ".txt");
+  }
+  if (!fs::exists(file)) return {};
+  const std::vector<std::string> rows = readLines(file);
+  if (rows.size() != frames.size()) {
+    fail("ground truth ", quoted(file), " has ", rows.size(), " rows for ", frames.size(),
+         " images: fetch the poses of this sequence or take the file away");
+  }
+  std::vector<StampedPose> poses;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    StampedPose pose{frames[i].stamp_ns, Eigen::Isometry3d::Identity()};
+    pose.T_world_camera.affine() = toMatrix34(parseNumbers(rows[i], file), file);
+    poses.push_back(pose);
+  }
+  return poses;
+}
+
+// --- EuRoC ------------------------------------------------------------------------------------
+
+/// What sensor.yaml says of a camera.
+struct EurocCamera {
+  CameraCalibration calibration;
+  Eigen::Isometry3d T_body_camera = Eigen::Isometry3d::Identity();
+};
+
+template <typename T>
+std::vector<T> readYaml(const YAML::Node& node, const char* name, std::size_t count) {
+  const auto numbers = node && node.IsSequence() ? node.as<std::vector<T>>() : std::vector<T>();
+  if (numbers.size() == count) return numbers;
+  std::ostringstream text;
+  text << name << " has " << numbers.size() << " numbers, but must have " << count;
+  throw std::invalid_argument(text.str());
+}
+
+/// EuRoC's name of a distortion model in the words of sensor_msgs/CameraInfo.
+std::string toDistortionModel(const std::string& name, std::size_t coefficients) {
+  if (name == "equidistant") return "equidistant";
+  if (name == "radial-tangential" || name == "radtan" || name == "plumb_bob") {
+    return coefficients > 5 ? "rational_polynomial" : "plumb_bob";
+  }
+  throw std::invalid_argument("distortion_model '" + name +
+                              "' is unknown: use radial-tangential or equidistant");
+}
+
+Eigen::Isometry3d toPose(const std::vector<double>& numbers) {
+  Eigen::Isometry3d pose;
+  pose.matrix() = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data());
+  const Eigen::Matrix3d R = pose.linear();
+  if (!(R * R.transpose()).isIdentity(1e-3) || !(R.determinant() > 0.0)) {
+    throw std::invalid_argument(
+        "T_BS is not a pose: its upper left 3 x 3 block must be a rotation");
+  }
+  return pose;
+}
+
+EurocCamera readEurocCamera(const fs::path& file) {
+  if (!fs::exists(file)) {
+    fail("calibration ", quoted(file), " is missing: unpack the data set again");
+  }
+  return withCalibrationFile(file, [&] {
+    const YAML::Node root = YAML::LoadFile(file.string());
+    if (!root.IsMap()) throw std::invalid_argument("it is empty or not YAML; fetch it again");
+    EurocCamera camera;
+    CameraCalibration& calibration = camera.calibration;
+    const std::vector<int> size = readYaml<int>(root["resolution"], "resolution", 2);
+    calibration.width = size[0];
+    calibration.height = size[1];
+    const std::vector<double> f = readYaml<double>(root["intrinsics"], "intrinsics", 4);
+    calibration.K << f[0], 0.0, f[2], 0.0, f[1], f[3], 0.0, 0.0, 1.0;
+    calibration.D = root["distortion_coefficients"].as<std::vector<double>>();
+    calibration.distortion_model =
+        toDistortionModel(root["distortion_model"].as<std::string>(), calibration.D.size());
+    if (calibration.distortion_model == "plumb_bob") calibration.D.resize(5, 0.0);
+    camera.T_body_camera = toPose(readYaml<double>(root["T_BS"]["data"], "T_BS", 16));
+    return camera;
+  });
+}
+
+/// Image file of each stamp that a camera's data.csv names.
+std::map<std::int64_t, std::string> indexEurocCamera(const fs::path& folder) {
+  const fs::path file = folder / "data.csv";
+  std::map<std::int64_t, std::string> images;
+  for (const std::string& row : readLines(file)) {
+    const std::size_t name = row.find_first_not_of(", ", row.find(','));
+    if (name == std::string::npos) {
+      fail("file ", quoted(file), " has the row '", row, "', but must hold 'stamp,filename'");
+    }
+    images[parseStamp_ns(row, file)] = (folder / "data" / row.substr(name)).string();
+  }
+  if (images.empty()) fail("file ", quoted(file), " names no image: the data set is empty");
+  return images;
+}
+
+std::vector<StereoDataset::Frame> indexEuroc(const fs::path& folder) {
+  const std::map<std::int64_t, std::string> left = indexEurocCamera(folder / "cam0");
+  const std::map<std::int64_t, std::string> right = indexEurocCamera(folder / "cam1");
+  std::vector<StereoDataset::Frame> frames;
+  for (const auto& [stamp_ns, left_file] : left) {
+    const auto partner = right.find(stamp_ns);
+    if (partner != right.end()) frames.push_back({stamp_ns, left_file, partner->second});
+  }
+  if (frames.empty()) {
+    fail("data set ", quoted(folder), " has no pair: no stamp of cam0/data.csv occurs in ",
+         "cam1/data.csv; give images of synchronised cameras equal stamps");
+  }
+  requireFiles(frames, folder);
+  return frames;
+}
+
+std::vector<StampedPose> readEurocPoses(const fs::path& file,
+                                        const Eigen::Isometry3d& T_body_camera) {
+  std::vector<StampedPose> poses;
+  if (!fs::exists(file)) return poses;
+  for (const std::string& row : readLines(file)) {
+    const std::vector<double> n = parseNumbers(row, file);
+    const double norm = n.size() < 8 ? 0.0 : Eigen::Vector4d(n[4], n[5], n[6], n[7]).norm();
+    if (std::abs(norm - 1.0) > 0.01) {
+      fail("ground truth ", quoted(file), " has a row without a position and unit quaternion: '",
+           row, "'; fetch the file again");
+    }
+    Eigen::Isometry3d T_world_body = Eigen::Isometry3d::Identity();
+    T_world_body.linear() =
+        Eigen::Quaterniond(n[4], n[5], n[6], n[7]).normalized().toRotationMatrix();
+    T_world_body.translation() << n[1], n[2], n[3];
+    poses.push_back({parseStamp_ns(row, file), T_world_body * T_body_camera});
+  }
+  return poses;
+}
+
+}  // namespace
+
+StereoDataset StereoDataset::openKitti(const std::string& folder) {
+  StereoDataset dataset;
+  dataset.frames_ = indexKitti(folder);
+  const cv::Size size = readImage(dataset.frames_.front().left_file).size();
+  dataset.calibration_ = readKittiCalibration(fs::path(folder) / "calib.txt", size);
+  dataset.ground_truth_ = readKittiPoses(folder, dataset.frames_);
+  return dataset;
+}
+
+StereoDataset StereoDataset::openEuroc(const std::string& folder) {
+  const fs::path path(folder);
+  StereoDataset dataset;
+  dataset.frames_ = indexEuroc(path);
+  const EurocCamera left = readEurocCamera(path / "cam0" / "sensor.yaml");
+  const EurocCamera right = readEurocCamera(path / "cam1" / "sensor.yaml");
+  dataset.calibration_ = withCalibrationFile(path / "cam1" / "sensor.yaml", [&] {
+    const StereoCalibration rectified = rectifyCalibration(
+        {left.calibration, right.calibration}, right.T_body_camera.inverse() * left.T_body_camera);
+    rectifiedCamera(rectified);
+    return rectified;
+  });
+  dataset.needs_rectification_ = true;
+  dataset.T_body_camera_ = left.T_body_camera;
+  dataset.ground_truth_ =
+      readEurocPoses(path / "state_groundtruth_estimate0" / "data.csv", left.T_body_camera);
+  return dataset;
+}
+
+StereoDataset StereoDataset::open(const std::string& folder) {
+  const fs::path path(folder);
+  try {
+    if (!fs::exists(path)) fail("data set ", quoted(path), " does not exist: check the path");
+    if (!fs::is_directory(path))
+      fail("data set ", quoted(path), " is not a folder: give its folder");
+    if (fs::exists(path / "mav0")) return openEuroc((path / "mav0").string());
+    if (fs::exists(path / "cam0")) return openEuroc(folder);
+    if (fs::exists(path / "image_0") || fs::exists(path / "calib.txt")) return openKitti(folder);
+  } catch (const fs::filesystem_error& error) {
+    fail("data set ", quoted(path), " cannot be read: ", error.code().message());
+  }
+  fail("folder ", quoted(path), " holds no data set: it must have image_0, image_1, calib.txt and ",
+       "times.txt (KITTI) or mav0/cam0 and mav0/cam1 (EuRoC)");
+}
+
+StereoImages StereoDataset::load(std::size_t index) const {
+  const Frame& frame = frames_.at(index);
+  StereoImages images;
+  images.left = readImage(frame.left_file);
+  images.right = readImage(frame.right_file);
+  images.stamp_ns = frame.stamp_ns;
+  requireSize(images.left, frame.left_file, calibration_.left);
+  requireSize(images.right, frame.right_file, calibration_.right);
+  return images;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,231 @@
+#include "point_line_odometry/rectification.h"
+
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/core/utility.hpp>
+#include <opencv2/imgproc.hpp>
+#include <sstream>
+#include <stdexcept>
+
+namespace point_line_odometry {
+namespace {
+
+/// Focal lengths and principal points of the two P matrices may differ by rounding only [px].
+constexpr double kSameCamera_px = 0.01;
+/// Largest deviation of R R^T from the identity.
+constexpr double kOrthonormal = 1e-3;
+constexpr double kMinBaseline_m = 1e-6;
+
+/// Parts of a camera's calibration as OpenCV takes them.
+struct OpenCvCamera {
+  cv::Matx33d K;
+  cv::Mat D;
+  bool fisheye = false;
+};
+
+template <typename... Parts>
+[[noreturn]] void fail(const Parts&... parts) {
+  std::ostringstream text;
+  text.precision(10);
+  (text << ... << parts);
+  throw std::invalid_argument(text.str());
+}
+
+void requireIntrinsics(const CameraCalibration& camera, const char* side) {
+  const Eigen::Matrix3d& K = camera.K;
+  if (!K.allFinite() || !(K(0, 0) > 0.0) || !(K(1, 1) > 0.0)) {
+    fail(side, " camera: K has focal lengths ", K(0, 0), " and ", K(1, 1),
+         ", but images can be rectified only with a calibrated K: calibrate the camera");
+  }
+}
+
+void requireRotation(const CameraCalibration& camera, const char* side) {
+  const Eigen::Matrix3d deviation = camera.R * camera.R.transpose() - Eigen::Matrix3d::Identity();
+  if (!camera.R.allFinite() || deviation.norm() > kOrthonormal || camera.R.determinant() <= 0.0) {
+    fail(side, " camera: R is not a rotation: calibrate the stereo pair again");
+  }
+}
+
+bool isAllowedCount(const std::string& model, std::size_t count) {
+  if (count == 0) return true;
+  if (model == "plumb_bob") return count == 4 || count == 5;
+  if (model == "equidistant") return count == 4;
+  return count == 8 || count == 12 || count == 14;
+}
+
+OpenCvCamera toOpenCv(const CameraCalibration& camera, const char* side) {
+  const std::string& model = camera.distortion_model;
+  const bool undistorted = camera.D.empty() && model.empty();
+  if (!undistorted && model != "plumb_bob" && model != "rational_polynomial" &&
+      model != "equidistant") {
+    fail(side, " camera: distortion_model '", model,
+         "' is unknown: use plumb_bob, rational_polynomial or equidistant");
+  }
+  if (!isAllowedCount(model, camera.D.size())) {
+    fail(side, " camera: D has ", camera.D.size(), " coefficients, which does not fit ", model,
+         ": plumb_bob takes 4 or 5, rational_polynomial 8, equidistant 4");
+  }
+  for (const double coefficient : camera.D) {
+    if (!std::isfinite(coefficient)) fail(side, " camera: D is not finite: calibrate the camera");
+  }
+  requireIntrinsics(camera, side);
+  OpenCvCamera result;
+  cv::eigen2cv(camera.K, result.K);
+  result.fisheye = model == "equidistant";
+  const std::vector<double> none(result.fisheye ? 4 : 5, 0.0);
+  result.D = cv::Mat(camera.D.empty() ? none : camera.D, true);
+  return result;
+}
+
+void requireProjection(const CameraCalibration& camera, const char* side) {
+  const auto& P = camera.P;
+  if (!P.allFinite()) fail(side, " camera: P holds values that are not finite: calibrate the pair");
+  if (P.isZero(0.0)) {
+    fail(side, " camera: P is all zero: the camera is not calibrated; calibrate the stereo pair");
+  }
+  if (!(P(0, 0) > 0.0) || !(P(1, 1) > 0.0)) {
+    fail(side, " camera: P has focal lengths ", P(0, 0), " and ", P(1, 1),
+         ", but they must be above 0: calibrate the stereo pair");
+  }
+}
+
+void requireSizes(const StereoCalibration& calibration) {
+  const CameraCalibration& left = calibration.left;
+  const CameraCalibration& right = calibration.right;
+  for (const CameraCalibration* camera : {&left, &right}) {
+    if (camera->width > 0 && camera->height > 0) continue;
+    fail(camera == &left ? "left" : "right", " camera: the size is ", camera->width, " x ",
+         camera->height, ": give width and height of the images in the calibration");
+  }
+  if (left.width != right.width || left.height != right.height) {
+    fail("the left image is calibrated for ", left.width, " x ", left.height, ", the right for ",
+         right.width, " x ", right.height, ": both must have the same size");
+  }
+}
+
+void requireSameCamera(const CameraCalibration& left, const CameraCalibration& right) {
+  const Eigen::Matrix3d difference = left.P.leftCols<3>() - right.P.leftCols<3>();
+  if (difference.cwiseAbs().maxCoeff() > kSameCamera_px) {
+    fail("P of the left and right camera differ (fx ", left.P(0, 0), " and ", right.P(0, 0),
+         ", cx ", left.P(0, 2), " and ", right.P(0, 2), ", cy ", left.P(1, 2), " and ",
+         right.P(1, 2), "): they must come from one stereo calibration with zero disparity");
+  }
+}
+
+void requireBaseline(const StereoCalibration& calibration, double baseline_m) {
+  if (baseline_m >= kMinBaseline_m) return;
+  const double value = calibration.right.P(0, 3);
+  if (baseline_m < -kMinBaseline_m) {
+    fail("P[3] of the right camera is ", value, ", which gives a baseline of ", baseline_m,
+         " m: swap left and right");
+  }
+  fail("P[3] of the right camera is ", value, ", which gives no baseline: it must be -fx * ",
+       "baseline; calibrate the pair as a stereo pair (side by side, not one above the other)");
+}
+
+Eigen::Matrix<double, 3, 4> toEigen34(const cv::Mat& P) {
+  Eigen::Matrix<double, 3, 4> result;
+  cv::cv2eigen(P, result);
+  return result;
+}
+
+}  // namespace
+
+StereoCamera rectifiedCamera(const StereoCalibration& calibration) {
+  requireProjection(calibration.left, "left");
+  requireProjection(calibration.right, "right");
+  requireSizes(calibration);
+  requireSameCamera(calibration.left, calibration.right);
+  const auto& P = calibration.left.P;
+  StereoCamera camera;
+  camera.fx = P(0, 0);
+  camera.fy = P(1, 1);
+  camera.cx = P(0, 2);
+  camera.cy = P(1, 2);
+  camera.baseline_m = (P(0, 3) - calibration.right.P(0, 3)) / camera.fx;
+  camera.width = calibration.left.width;
+  camera.height = calibration.left.height;
+  requireBaseline(calibration, camera.baseline_m);
+  camera.validate();
+  return camera;
+}
+
+StereoCalibration rectifyCalibration(StereoCalibration calibration,
+                                     const Eigen::Isometry3d& T_right_left) {
+  requireSizes(calibration);
+  const OpenCvCamera left = toOpenCv(calibration.left, "left");
+  const OpenCvCamera right = toOpenCv(calibration.right, "right");
+  if (left.fisheye != right.fisheye) {
+    fail("the left camera's distortion_model is ", calibration.left.distortion_model,
+         ", the right's ", calibration.right.distortion_model, ": both must be of one kind");
+  }
+  const double distance_m = T_right_left.translation().norm();
+  if (!T_right_left.matrix().allFinite() || distance_m < kMinBaseline_m) {
+    fail("the cameras are ", distance_m, " m apart: give the pose of each camera of the pair");
+  }
+  const cv::Size size(calibration.left.width, calibration.left.height);
+  cv::Matx33d R;
+  cv::Vec3d t;
+  cv::eigen2cv(Eigen::Matrix3d(T_right_left.linear()), R);
+  cv::eigen2cv(Eigen::Vector3d(T_right_left.translation()), t);
+  cv::Mat R1, R2, P1, P2, Q;
+  if (left.fisheye) {
+    cv::fisheye::stereoRectify(left.K, left.D, right.K, right.D, size, R, t, R1, R2, P1, P2, Q,
+                               cv::CALIB_ZERO_DISPARITY, size);
+  } else {
+    cv::stereoRectify(left.K, left.D, right.K, right.D, size, R, t, R1, R2, P1, P2, Q,
+                      cv::CALIB_ZERO_DISPARITY, 0.0, size);
+  }
+  cv::cv2eigen(R1, calibration.left.R);
+  cv::cv2eigen(R2, calibration.right.R);
+  calibration.left.P = toEigen34(P1);
+  calibration.right.P = toEigen34(P2);
+  return calibration;
+}
+
+StereoRectifier::StereoRectifier(const StereoCalibration& calibration)
+    : camera_(rectifiedCamera(calibration)), R_rectified_raw_(calibration.left.R) {
+  const std::array<const CameraCalibration*, 2> cameras{&calibration.left, &calibration.right};
+  const std::array<const char*, 2> sides{"left", "right"};
+  const cv::Size size(camera_.width, camera_.height);
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const OpenCvCamera raw = toOpenCv(*cameras[i], sides[i]);
+    requireRotation(*cameras[i], sides[i]);
+    cv::Matx33d R;
+    cv::Matx33d P;
+    cv::eigen2cv(cameras[i]->R, R);
+    cv::eigen2cv(Eigen::Matrix3d(cameras[i]->P.leftCols<3>()), P);
+    if (raw.fisheye) {
+      cv::fisheye::initUndistortRectifyMap(raw.K, raw.D, R, P, size, CV_16SC2, maps_[i].xy,
+                                           maps_[i].weight);
+    } else {
+      cv::initUndistortRectifyMap(raw.K, raw.D, R, P, size, CV_16SC2, maps_[i].xy, maps_[i].weight);
+    }
+  }
+}
+
+StereoImages StereoRectifier::rectify(const StereoImages& raw) const {
+  const cv::Size size(camera_.width, camera_.height);
+  for (const cv::Mat* image : {&raw.left, &raw.right}) {
+    if (image->type() != CV_8UC1 || image->size() != size) {
+      fail("an image to be rectified is ", image->cols, " x ", image->rows, " with ",
+           image->channels(), " channel(s) of ", 8 * image->elemSize1(),
+           " bit, but must be 8 bit grey and ", size.width, " x ", size.height,
+           " as the calibration says");
+    }
+  }
+  StereoImages rectified;
+  rectified.stamp_ns = raw.stamp_ns;
+  const std::array<const cv::Mat*, 2> from{&raw.left, &raw.right};
+  const std::array<cv::Mat*, 2> to{&rectified.left, &rectified.right};
+  cv::parallel_for_(cv::Range(0, 2), [&](const cv::Range& range) {
+    for (int i = range.start; i < range.end; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      cv::remap(*from[k], *to[k], maps_[k].xy, maps_[k].weight, cv::INTER_LINEAR);
+    }
+  });
+  return rectified;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,175 @@
+#include "ros/diagnostics.h"
+
+#include <diagnostic_msgs/DiagnosticStatus.h>
+#include <ros/console.h>
+
+#include <cmath>
+
+namespace point_line_odometry {
+namespace {
+
+using Level = diagnostic_msgs::DiagnosticStatus;
+
+constexpr double kWarnPeriodS = 5.0;
+constexpr double kMaxRowDifferencePx = 1.5;
+
+std::uint8_t levelOf(TrackingState state) {
+  switch (state) {
+    case TrackingState::kInitializing:
+    case TrackingState::kOk:
+      return Level::OK;
+    case TrackingState::kDegraded:
+      return Level::WARN;
+    case TrackingState::kLost:
+      break;
+  }
+  return Level::ERROR;
+}
+
+}  // namespace
+
+Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+                         const NodeParameters& parameters, const std::string& name)
+    : watchdog_timeout_s_(parameters.watchdog_timeout_s),
+      time_of_last_rate_(ros::WallTime::now()),
+      updater_(nh, private_nh, name) {
+  updater_.setHardwareID("stereo camera");
+  updater_.add("tracking", this, &Diagnostics::reportTracking);
+  updater_.add("input", this, &Diagnostics::reportInput);
+  updater_.add("calibration", this, &Diagnostics::reportCalibration);
+}
+
+void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
+  constexpr double kSmoothing = 0.1;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!frame.result.accepted()) {
+    ++counters_.rejected;
+    problem_ = std::string("frame rejected: ") + toString(frame.result.reason);
+    return;
+  }
+  ++counters_.processed;
+  problem_.clear();
+  state_ = frame.result.state;
+  reason_ = frame.result.reason;
+  latency_ms_ = latency_ms;
+  process_ms_ = frame.result.times.total_ms;
+  camera_ = frame.camera;
+  row_difference_px_ += kSmoothing * (medianRowDifference(frame.result) - row_difference_px_);
+  if (std::abs(row_difference_px_) > kMaxRowDifferencePx) {
+    ROS_WARN_THROTTLE(kWarnPeriodS,
+                      "left and right images are not rectified: matched points lie %.2f px apart "
+                      "in row; recalibrate, or set rectify if the images are raw",
+                      row_difference_px_);
+  }
+}
+
+void Diagnostics::noteDropped() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++counters_.dropped;
+}
+
+void Diagnostics::noteRejected(const std::string& reason) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++counters_.rejected;
+  problem_ = "frame rejected: " + reason;
+}
+
+void Diagnostics::noteException(const std::string& text) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++counters_.exceptions;
+  problem_ = "exception: " + text;
+}
+
+void Diagnostics::notePaused(bool paused) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  paused_ = paused;
+}
+
+void Diagnostics::noteWaitingForTransform(const std::string& text) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  problem_ = text;
+}
+
+FrameCounters Diagnostics::counters() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return counters_;
+}
+
+void Diagnostics::update(const StereoSubscriber& subscriber) {
+  watchInput(subscriber);
+  updater_.force_update();
+}
+
+void Diagnostics::watchInput(const StereoSubscriber& subscriber) {
+  const double silence_s = subscriber.silenceSeconds();
+  const bool silent = silence_s > watchdog_timeout_s_;
+  const std::string silence = silent ? subscriber.explainSilence() : std::string();
+  if (silent) {
+    ROS_WARN_STREAM_THROTTLE(kWarnPeriodS, "no synchronised stereo images for "
+                                               << std::lround(silence_s) << " s; " << silence);
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  silence_ = silence;
+  num_sets_ = subscriber.numSets();
+  num_unpaired_ = subscriber.numUnpaired();
+}
+
+void Diagnostics::reportTracking(Status& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (paused_) {
+    status.summary(Level::OK, "paused; call ~resume to go on");
+  } else if (!problem_.empty()) {
+    status.summary(Level::ERROR, problem_);
+  } else if (counters_.processed == 0) {
+    status.summary(Level::WARN, "no frame processed yet");
+  } else if (reason_ == TrackingReason::kNone) {
+    status.summary(levelOf(state_), toString(state_));
+  } else {
+    status.summary(levelOf(state_), std::string(toString(state_)) + ": " + toString(reason_));
+  }
+  status.add("rate [1/s]", takeRate());
+  status.add("latency [ms]", latency_ms_);
+  status.add("processing time [ms]", process_ms_);
+  status.add("frames processed", counters_.processed);
+  status.add("frames dropped", counters_.dropped);
+  status.add("frames rejected", counters_.rejected);
+  status.add("exceptions", counters_.exceptions);
+}
+
+void Diagnostics::reportInput(Status& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (silence_.empty()) {
+    status.summary(Level::OK, "receiving stereo images");
+  } else {
+    status.summary(Level::ERROR, "no synchronised stereo images; " + silence_);
+  }
+  status.add("synchronised sets", num_sets_);
+  status.add("left images without partner", num_unpaired_);
+}
+
+void Diagnostics::reportCalibration(Status& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (counters_.processed == 0) {
+    status.summary(Level::WARN, "no calibration in use yet");
+  } else if (std::abs(row_difference_px_) > kMaxRowDifferencePx) {
+    status.summary(Level::WARN, "left and right images are not rectified; recalibrate");
+  } else {
+    status.summary(Level::OK, "rectified pair");
+  }
+  status.add("baseline [m]", camera_.baseline_m);
+  status.add("fx [px]", camera_.fx);
+  status.add("image width [px]", camera_.width);
+  status.add("image height [px]", camera_.height);
+  status.add("row difference left to right [px]", row_difference_px_);
+}
+
+double Diagnostics::takeRate() {
+  const ros::WallTime now = ros::WallTime::now();
+  const double elapsed_s = (now - time_of_last_rate_).toSec();
+  const auto frames = static_cast<double>(counters_.processed - processed_at_last_rate_);
+  time_of_last_rate_ = now;
+  processed_at_last_rate_ = counters_.processed;
+  return elapsed_s > 0.0 ? frames / elapsed_s : 0.0;
+}
+
+}  // namespace point_line_odometry

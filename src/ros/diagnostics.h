@@ -1,0 +1,67 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/node_handle.h>
+
+#include <mutex>
+#include <string>
+
+#include "ros/frame_messages.h"
+#include "ros/node_parameters.h"
+#include "ros/stereo_subscriber.h"
+
+namespace point_line_odometry {
+
+/// What the node knows of its own health, published on /diagnostics once a second. Frames are noted
+/// by the worker thread, update() is called by a timer; both may happen at once.
+class Diagnostics {
+ public:
+  Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+              const NodeParameters& parameters, const std::string& name);
+
+  Diagnostics(const Diagnostics&) = delete;
+  Diagnostics& operator=(const Diagnostics&) = delete;
+
+  /// A frame was processed; it counts as rejected if the core did not accept it.
+  void noteFrame(const ProcessedFrame& frame, double latency_ms);
+  void noteDropped();
+  void noteRejected(const std::string& reason);
+  void noteException(const std::string& text);
+  void notePaused(bool paused);
+  void noteWaitingForTransform(const std::string& text);
+
+  FrameCounters counters() const;
+
+  /// Publishes the state; warns in the log if no set of images has come for too long.
+  void update(const StereoSubscriber& subscriber);
+
+ private:
+  using Status = diagnostic_updater::DiagnosticStatusWrapper;
+
+  void watchInput(const StereoSubscriber& subscriber);
+  void reportTracking(Status& status);
+  void reportInput(Status& status);
+  void reportCalibration(Status& status);
+  double takeRate();
+
+  const double watchdog_timeout_s_;
+  mutable std::mutex mutex_;  // guards everything below but the updater
+  FrameCounters counters_;
+  bool paused_ = false;
+  TrackingState state_ = TrackingState::kInitializing;
+  TrackingReason reason_ = TrackingReason::kFirstFrame;
+  double latency_ms_ = 0.0;
+  double process_ms_ = 0.0;
+  double row_difference_px_ = 0.0;  // of right minus left, smoothed over frames
+  StereoCamera camera_;
+  std::string problem_;  // of the last frame, empty if there is none
+  std::string silence_;  // why no images come, empty if they do
+  std::uint64_t num_sets_ = 0;
+  std::uint64_t num_unpaired_ = 0;
+  std::uint64_t processed_at_last_rate_ = 0;
+  ros::WallTime time_of_last_rate_;
+
+  diagnostic_updater::Updater updater_;
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,111 @@
+#include "ros/frame_processor.h"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "ros/conversions.h"
+
+namespace point_line_odometry {
+namespace {
+
+void checkFinite(const FrameResult& result) {
+  if (result.T_odom_camera.matrix().allFinite() && result.pose_covariance.allFinite() &&
+      result.twist.allFinite() && result.twist_covariance.allFinite()) {
+    return;
+  }
+  throw std::runtime_error("the odometry gave a number that is not finite; nothing is published");
+}
+
+}  // namespace
+
+FrameProcessor::FrameProcessor(AllParameters parameters)
+    : parameters_(std::move(parameters)), T_odom_base_(initialPose(parameters_.node)) {}
+
+ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
+                                       const Eigen::Isometry3d& T_base_header) {
+  started_anew_ = false;
+  const bool known = calibrationFits(messages);
+  Calibration calibration = known ? Calibration() : makeCalibration(messages);
+  const StereoImages received = toStereoImages(*messages.left, *messages.right,
+                                               known ? calibration_->stereo : calibration.stereo);
+  if (!known) takeCalibration(std::move(calibration));
+  takeMounting(T_base_header * calibration_->T_header_camera());
+  handleTimeJump(received.stamp_ns);
+
+  const StereoImages images =
+      calibration_->rectifier ? calibration_->rectifier->rectify(received) : received;
+  ProcessedFrame frame;
+  frame.header = messages.left->header;
+  frame.header.frame_id = withoutLeadingSlash(frame.header.frame_id);
+  frame.left = images.left;
+  frame.left_message = messages.left;
+  frame.camera = calibration_->camera;
+  frame.T_base_camera = T_base_camera_;
+  frame.T_header_camera = calibration_->T_header_camera();
+  frame.result = odometry_->process(images);
+  checkFinite(frame.result);
+  if (frame.result.accepted()) {
+    T_odom_base_ = frame.T_odom_base();
+    last_stamp_ns_ = images.stamp_ns;
+  }
+  return frame;
+}
+
+void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
+  T_odom_base_ = T_odom_base;
+  last_stamp_ns_.reset();
+  startOdometry();
+}
+
+Eigen::Isometry3d FrameProcessor::Calibration::T_header_camera() const {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  if (rectifier) T.linear() = rectifier->R_rectified_raw().transpose();
+  return T;
+}
+
+bool FrameProcessor::calibrationFits(const StereoMessages& messages) const {
+  return calibration_ && sameCalibration(calibration_->left_info, *messages.left_info) &&
+         sameCalibration(calibration_->right_info, *messages.right_info);
+}
+
+FrameProcessor::Calibration FrameProcessor::makeCalibration(const StereoMessages& messages) const {
+  Calibration calibration;
+  calibration.left_info = *messages.left_info;
+  calibration.right_info = *messages.right_info;
+  calibration.stereo = toStereoCalibration(*messages.left_info, *messages.right_info);
+  try {
+    if (parameters_.node.rectify) calibration.rectifier.emplace(calibration.stereo);
+    calibration.camera = rectifiedCamera(calibration.stereo);
+  } catch (const std::invalid_argument& error) {
+    throw MessageError(std::string("camera_info: ") + error.what());
+  }
+  return calibration;
+}
+
+void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
+  if (!last_stamp_ns_ || stamp_ns >= *last_stamp_ns_) return;
+  if (parameters_.node.on_time_jump == "ignore") return;  // the core drops the frame
+  started_anew_ = parameters_.node.on_time_jump == "reset";
+  reset(started_anew_ ? initialPose(parameters_.node) : T_odom_base_);
+}
+
+void FrameProcessor::takeCalibration(Calibration calibration) {
+  calibration_ = std::move(calibration);
+  if (odometry_) odometry_->setCamera(calibration_->camera);
+}
+
+void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {
+  const bool moved = !T_base_camera.isApprox(T_base_camera_, 1e-9);
+  if (odometry_ && !moved) return;
+  T_base_camera_ = T_base_camera;
+  startOdometry();
+}
+
+void FrameProcessor::startOdometry() {
+  if (!calibration_) return;
+  if (!odometry_) odometry_.emplace(calibration_->camera, parameters_.core);
+  odometry_->reset(T_odom_base_ * T_base_camera_);
+}
+
+}  // namespace point_line_odometry

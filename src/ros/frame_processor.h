@@ -1,0 +1,72 @@
+#pragma once
+
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <optional>
+
+#include "point_line_odometry/rectification.h"
+#include "point_line_odometry/stereo_odometry.h"
+#include "ros/frame_messages.h"
+#include "ros/node_parameters.h"
+
+namespace point_line_odometry {
+
+/// One synchronised set of input messages.
+struct StereoMessages {
+  sensor_msgs::ImageConstPtr left;
+  sensor_msgs::ImageConstPtr right;
+  sensor_msgs::CameraInfoConstPtr left_info;
+  sensor_msgs::CameraInfoConstPtr right_info;
+};
+
+/// Leads one set of messages after the other through the core, and keeps what the core knows
+/// nothing of: the calibration that comes with each frame, the place of the camera on the robot,
+/// and what to do when the clock jumps back. Needs no node; not thread-safe.
+class FrameProcessor {
+ public:
+  explicit FrameProcessor(AllParameters parameters);
+
+  /// Converts, rectifies if asked to, and tracks.
+  /// \param T_base_header pose in the base of the frame that the left image's header names (the raw
+  /// camera if images are raw). Throws MessageError if a message cannot be used; the state is then
+  /// as before. Throws std::runtime_error if the core gives a number that is not finite.
+  ProcessedFrame process(const StereoMessages& messages, const Eigen::Isometry3d& T_base_header);
+
+  /// Forgets the past; the base has this pose at the next frame.
+  void reset(const Eigen::Isometry3d& T_odom_base);
+
+  /// True if the last call of process() found the clock jumped back and began anew.
+  bool startedAnew() const { return started_anew_; }
+
+ private:
+  /// What follows from a pair of camera_infos.
+  struct Calibration {
+    sensor_msgs::CameraInfo left_info;
+    sensor_msgs::CameraInfo right_info;
+    StereoCalibration stereo;
+    StereoCamera camera;
+    std::optional<StereoRectifier> rectifier;
+
+    Eigen::Isometry3d T_header_camera() const;
+  };
+
+  bool calibrationFits(const StereoMessages& messages) const;
+  Calibration makeCalibration(const StereoMessages& messages) const;
+  void handleTimeJump(std::int64_t stamp_ns);
+  void takeCalibration(Calibration calibration);
+  void takeMounting(const Eigen::Isometry3d& T_base_camera);
+  void startOdometry();
+
+  AllParameters parameters_;
+  std::optional<Calibration> calibration_;
+  std::optional<StereoOdometry> odometry_;
+  Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_odom_base_;  // at the last frame, or where the next one starts
+  std::optional<std::int64_t> last_stamp_ns_;
+  bool started_anew_ = false;
+};
+
+}  // namespace point_line_odometry

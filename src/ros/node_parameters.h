@@ -1,0 +1,104 @@
+#pragma once
+
+#include <xmlrpcpp/XmlRpcValue.h>
+#include <ros/node_handle.h>
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "point_line_odometry/parameters.h"
+
+namespace point_line_odometry {
+
+/// Settings of the ROS node; those of the core are in Parameters.
+struct NodeParameters {
+  std::string odom_frame_id = "odom";
+  std::string base_frame_id = "base_link";
+  bool publish_tf = true;
+  bool invert_tf = false;
+  struct {
+    double x = 0.0;
+    double y = 0.0;
+    double z = 0.0;
+    double roll = 0.0;
+    double pitch = 0.0;
+    double yaw = 0.0;
+  } initial_pose;
+
+  bool approximate_sync = false;
+  double approximate_sync_max_interval_s = 0.01;
+  int queue_size = 5;
+  std::string image_transport = "raw";
+  bool rectify = false;
+  std::string on_time_jump = "reset";
+  double watchdog_timeout_s = 5.0;
+
+  int path_max_length = 5000;
+  int landmarks_max_count = 5000;
+};
+
+/// The one table of the node's parameters; `visit` is called as by visitParameters(), and for free
+/// text as `visit(name, value, text)`.
+template <typename AnyNodeParameters, typename Visitor>
+void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
+  visit("odom_frame_id", p.odom_frame_id, "frame in which the pose is published");
+  visit("base_frame_id", p.base_frame_id,
+        "frame whose pose is published; tf must know where the camera sits in it");
+  visit("publish_tf", p.publish_tf, "publish odom_frame_id -> base_frame_id on tf");
+  visit("invert_tf", p.invert_tf,
+        "publish the tf the other way round, for trees where base_frame_id already has a parent");
+  visit("initial_pose/x", p.initial_pose.x, -1e6, 1e6, "m",
+        "pose of base_frame_id in odom_frame_id at the first frame");
+  visit("initial_pose/y", p.initial_pose.y, -1e6, 1e6, "m", "as initial_pose/x");
+  visit("initial_pose/z", p.initial_pose.z, -1e6, 1e6, "m", "as initial_pose/x");
+  visit("initial_pose/roll", p.initial_pose.roll, -6.3, 6.3, "rad", "about x, applied first");
+  visit("initial_pose/pitch", p.initial_pose.pitch, -6.3, 6.3, "rad", "about y, applied second");
+  visit("initial_pose/yaw", p.initial_pose.yaw, -6.3, 6.3, "rad", "about z, applied last");
+
+  visit(
+      "approximate_sync", p.approximate_sync,
+      "pair left and right images whose stamps differ; only for cameras without a common trigger");
+  visit("approximate_sync_max_interval_s", p.approximate_sync_max_interval_s, 0.0, 1.0, "s",
+        "largest difference of stamps within such a pair");
+  visit("queue_size", p.queue_size, 1, 1000, "frames",
+        "pairs that may wait while the odometry is busy; the oldest is dropped first");
+  visit("image_transport", p.image_transport,
+        "transport of the input images: raw, compressed, ...");
+  visit("rectify", p.rectify, "subscribe to image_raw and rectify here with camera_info");
+  visit("on_time_jump", p.on_time_jump, std::vector<std::string>{"reset", "keep_pose", "ignore"},
+        "when stamps jump back: start at initial_pose, go on from the last pose, or drop frames");
+  visit("watchdog_timeout_s", p.watchdog_timeout_s, 0.5, 3600.0, "s",
+        "time without a pair of images after which a warning says what is missing");
+
+  visit("path_max_length", p.path_max_length, 2, 1000000, "poses",
+        "latest poses kept in the topic path");
+  visit("landmarks_max_count", p.landmarks_max_count, 0, 1000000, "segments",
+        "latest segments kept as landmarks in the topic lines");
+}
+
+/// Names in the table above, for loadParameters()' `ignored`.
+std::vector<std::string> nodeParameterNames();
+
+/// One sentence for each node parameter that is out of its range or not among its choices; empty if
+/// all are fine.
+std::vector<std::string> checkNodeParameters(const NodeParameters& parameters);
+
+/// Pose of the base in odom at the first frame.
+Eigen::Isometry3d initialPose(const NodeParameters& parameters);
+
+/// Both tables.
+struct AllParameters {
+  NodeParameters node;
+  Parameters core;
+};
+
+/// Sets what `tree` (the struct of private parameters, nested as their paths) names. Throws
+/// std::runtime_error with one sentence that names every unknown name, wrong type and value out of
+/// range.
+AllParameters parseParameters(XmlRpc::XmlRpcValue tree);
+
+/// parseParameters() of everything under the private node handle on the parameter server.
+AllParameters loadNodeParameters(const ros::NodeHandle& private_nh);
+
+}  // namespace point_line_odometry

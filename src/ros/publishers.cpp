@@ -1,0 +1,114 @@
+#include "ros/publishers.h"
+
+#include <image_transport/image_transport.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include "ros/conversions.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr std::uint32_t kQueueSize = 10;
+
+/// True if the camera sees enough of something new for another set of landmarks.
+bool movedOn(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
+  constexpr double kStepM = 0.5;
+  constexpr double kStepRad = 0.2;
+  const Eigen::Isometry3d T_a_b = T_odom_a.inverse() * T_odom_b;
+  return T_a_b.translation().norm() > kStepM ||
+         Eigen::AngleAxisd(T_a_b.linear()).angle() > kStepRad;
+}
+
+template <typename Deque>
+void limitSize(std::size_t size, Deque* items) {
+  if (items->size() <= size) return;
+  items->erase(items->begin(), items->end() - static_cast<std::ptrdiff_t>(size));
+}
+
+}  // namespace
+
+Publishers::Publishers(ros::NodeHandle nh, const NodeParameters& parameters)
+    : names_{parameters.odom_frame_id, parameters.base_frame_id},
+      parameters_(parameters),
+      odometry_(nh.advertise<nav_msgs::Odometry>("odom", kQueueSize)),
+      path_(nh.advertise<nav_msgs::Path>("path", 1)),
+      lines_(nh.advertise<visualization_msgs::MarkerArray>("lines", 1)),
+      points_(nh.advertise<sensor_msgs::PointCloud2>("points", 1)),
+      features_(nh.advertise<StereoFeaturesMessage>("features", kQueueSize)),
+      info_(nh.advertise<OdometryInfo>("info", kQueueSize)),
+      features_image_(image_transport::ImageTransport(nh).advertise("features_image", 1)) {}
+
+void Publishers::publish(const ProcessedFrame& frame, const FrameCounters& counters,
+                         double latency_ms) {
+  if (info_.getNumSubscribers() > 0) info_.publish(toInfo(frame, counters, latency_ms));
+  if (!frame.result.accepted()) return;
+  publishPose(frame);
+  publishPath(frame);
+  publishLines(frame);
+  publishFeatures(frame);
+}
+
+void Publishers::clear() {
+  poses_.clear();
+  landmarks_.clear();
+  T_odom_camera_of_last_landmarks_.reset();
+  markers_outdated_ = true;
+}
+
+void Publishers::publishPose(const ProcessedFrame& frame) {
+  if (parameters_.publish_tf) {
+    broadcaster_.sendTransform(toTransformStamped(frame, names_, parameters_.invert_tf));
+  }
+  if (odometry_.getNumSubscribers() > 0) odometry_.publish(toOdometry(frame, names_));
+}
+
+void Publishers::publishPath(const ProcessedFrame& frame) {
+  geometry_msgs::PoseStamped pose;
+  pose.header.stamp = frame.header.stamp;
+  pose.header.frame_id = names_.odom;
+  pose.pose = toPose(frame.T_odom_base());
+  poses_.push_back(pose);
+  limitSize(static_cast<std::size_t>(parameters_.path_max_length), &poses_);
+  if (path_.getNumSubscribers() == 0) return;
+  nav_msgs::Path path;
+  path.header = pose.header;
+  path.poses.assign(poses_.begin(), poses_.end());
+  path_.publish(path);
+}
+
+void Publishers::publishLines(const ProcessedFrame& frame) {
+  if (lines_.getNumSubscribers() == 0) return;
+  addLandmarks(frame);
+  visualization_msgs::MarkerArray markers = toLineMarkers(frame);
+  std_msgs::Header odom_header = frame.header;
+  odom_header.frame_id = names_.odom;
+  if (!landmarks_.empty()) markers.markers.push_back(toLandmarkMarker(landmarks_, odom_header));
+  if (markers_outdated_)
+    markers.markers.insert(markers.markers.begin(), deleteAllMarkers(odom_header));
+  markers_outdated_ = false;
+  lines_.publish(markers);
+}
+
+void Publishers::addLandmarks(const ProcessedFrame& frame) {
+  if (frame.result.state != TrackingState::kOk) return;
+  const Eigen::Isometry3d& T_odom_camera = frame.result.T_odom_camera;
+  if (T_odom_camera_of_last_landmarks_ &&
+      !movedOn(*T_odom_camera_of_last_landmarks_, T_odom_camera)) {
+    return;
+  }
+  const std::vector<LandmarkSegment> seen = toLandmarks(frame);
+  if (seen.empty()) return;
+  landmarks_.insert(landmarks_.end(), seen.begin(), seen.end());
+  limitSize(static_cast<std::size_t>(parameters_.landmarks_max_count), &landmarks_);
+  T_odom_camera_of_last_landmarks_ = T_odom_camera;
+}
+
+void Publishers::publishFeatures(const ProcessedFrame& frame) {
+  if (points_.getNumSubscribers() > 0) points_.publish(toPointCloud(frame));
+  if (features_.getNumSubscribers() > 0) features_.publish(toFeatures(frame));
+  if (features_image_.getNumSubscribers() > 0) features_image_.publish(toFeaturesImage(frame));
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <image_transport/publisher.h>
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include <Eigen/Geometry>
+#include <deque>
+#include <optional>
+
+#include "ros/frame_messages.h"
+#include "ros/node_parameters.h"
+
+namespace point_line_odometry {
+
+/// The outputs of the node: odom, tf, path, lines, points, features_image, features, info. What
+/// nobody subscribes to is not computed. Not thread-safe.
+class Publishers {
+ public:
+  /// \param nh names are resolved here.
+  Publishers(ros::NodeHandle nh, const NodeParameters& parameters);
+
+  /// Publishes a processed frame; of one that was not accepted only its info.
+  void publish(const ProcessedFrame& frame, const FrameCounters& counters, double latency_ms);
+
+  /// Forgets path and landmarks, after the odometry has begun anew.
+  void clear();
+
+ private:
+  void publishPose(const ProcessedFrame& frame);
+  void publishPath(const ProcessedFrame& frame);
+  void publishLines(const ProcessedFrame& frame);
+  void publishFeatures(const ProcessedFrame& frame);
+  void addLandmarks(const ProcessedFrame& frame);
+
+  const FrameNames names_;
+  const NodeParameters parameters_;
+  ros::Publisher odometry_;
+  ros::Publisher path_;
+  ros::Publisher lines_;
+  ros::Publisher points_;
+  ros::Publisher features_;
+  ros::Publisher info_;
+  image_transport::Publisher features_image_;
+  tf2_ros::TransformBroadcaster broadcaster_;
+
+  std::deque<geometry_msgs::PoseStamped> poses_;
+  std::deque<LandmarkSegment> landmarks_;
+  std::optional<Eigen::Isometry3d> T_odom_camera_of_last_landmarks_;
+  bool markers_outdated_ = false;
+};
+
+}  // namespace point_line_odometry

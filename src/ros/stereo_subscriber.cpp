@@ -1,0 +1,155 @@
+#include "ros/stereo_subscriber.h"
+
+#include <image_transport/image_transport.h>
+#include <ros/console.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+namespace point_line_odometry {
+namespace {
+
+std::string imageName(const NodeParameters& parameters) {
+  return parameters.rectify ? "image_raw" : "image_rect";
+}
+
+}  // namespace
+
+StereoSubscriber::StereoSubscriber(ros::NodeHandle nh, const ros::NodeHandle& private_nh,
+                                   const NodeParameters& parameters, Callback callback)
+    : parameters_(parameters), callback_(std::move(callback)), last_set_(ros::WallTime::now()) {
+  const std::string image = imageName(parameters_);
+  arrivals_[kLeftImage].name = nh.resolveName("left/" + image);
+  arrivals_[kRightImage].name = nh.resolveName("right/" + image);
+  arrivals_[kLeftInfo].name = nh.resolveName("left/camera_info");
+  arrivals_[kRightInfo].name = nh.resolveName("right/camera_info");
+  makeSynchronizer();
+  subscribe(nh, private_nh);
+}
+
+void StereoSubscriber::subscribe(ros::NodeHandle nh, const ros::NodeHandle& private_nh) {
+  const auto queue_size = static_cast<std::uint32_t>(parameters_.queue_size);
+  const std::string image = imageName(parameters_);
+  // Names are remapped when they are subscribed to, except by the transports that add to them. A
+  // name must not be remapped twice: that would undo an exchange of left and right.
+  const bool remap_here = parameters_.image_transport != "raw";
+  const auto topic = [&](const std::string& name) {
+    return remap_here ? nh.resolveName(name) : name;
+  };
+  image_transport::ImageTransport transport(nh);
+  const image_transport::TransportHints hints(parameters_.image_transport,
+                                              ros::TransportHints().tcpNoDelay(), private_nh);
+  image_subscribers_[0] = transport.subscribe(
+      topic("left/" + image), queue_size,
+      [this](const sensor_msgs::ImageConstPtr& m) { arrived<kLeftImage>(m); }, {}, hints);
+  image_subscribers_[1] = transport.subscribe(
+      topic("right/" + image), queue_size,
+      [this](const sensor_msgs::ImageConstPtr& m) { arrived<kRightImage>(m); }, {}, hints);
+  using InfoCallback = boost::function<void(const sensor_msgs::CameraInfoConstPtr&)>;
+  const InfoCallback left_info = [this](const auto& m) { arrived<kLeftInfo>(m); };
+  const InfoCallback right_info = [this](const auto& m) { arrived<kRightInfo>(m); };
+  info_subscribers_[0] = nh.subscribe("left/camera_info", queue_size, left_info);
+  info_subscribers_[1] = nh.subscribe("right/camera_info", queue_size, right_info);
+}
+
+void StereoSubscriber::makeSynchronizer() {
+  constexpr int kShortestQueue = 10;  // topics may arrive this far apart
+  const auto queue_size =
+      static_cast<std::uint32_t>(std::max(kShortestQueue, parameters_.queue_size));
+  exact_.reset();
+  near_.reset();
+  if (parameters_.approximate_sync) {
+    near_ = std::make_unique<message_filters::Synchronizer<NearPolicy>>(NearPolicy(queue_size));
+    near_->setMaxIntervalDuration(ros::Duration(parameters_.approximate_sync_max_interval_s));
+    near_->registerCallback(&StereoSubscriber::completed, this);
+  } else {
+    exact_ = std::make_unique<message_filters::Synchronizer<ExactPolicy>>(ExactPolicy(queue_size));
+    exact_->registerCallback(&StereoSubscriber::completed, this);
+  }
+}
+
+template <int topic, typename Message>
+void StereoSubscriber::arrived(const boost::shared_ptr<const Message>& message) {
+  const bool jumped_back = noteArrival(topic, message->header.stamp);
+  if (jumped_back) makeSynchronizer();
+  if (exact_) {
+    exact_->template add<topic>(message);
+  } else {
+    near_->template add<topic>(message);
+  }
+}
+
+/// Returns true if the clock has jumped back since the last message of this topic.
+bool StereoSubscriber::noteArrival(std::size_t topic, const ros::Time& stamp) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  Arrivals& arrivals = arrivals_[topic];
+  ++arrivals.count;
+  const bool jumped_back = stamp < arrivals.last_stamp;
+  if (jumped_back) {
+    for (Arrivals& other : arrivals_) other.last_stamp = ros::Time();
+  }
+  arrivals.last_stamp = stamp;
+  return jumped_back;
+}
+
+void StereoSubscriber::completed(const sensor_msgs::ImageConstPtr& left,
+                                 const sensor_msgs::ImageConstPtr& right,
+                                 const sensor_msgs::CameraInfoConstPtr& left_info,
+                                 const sensor_msgs::CameraInfoConstPtr& right_info) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++num_sets_;
+    last_set_ = ros::WallTime::now();
+  }
+  callback_({left, right, left_info, right_info});
+}
+
+double StereoSubscriber::silenceSeconds() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return (ros::WallTime::now() - last_set_).toSec();
+}
+
+std::uint64_t StereoSubscriber::numSets() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return num_sets_;
+}
+
+std::uint64_t StereoSubscriber::numUnpaired() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::uint64_t images = arrivals_[kLeftImage].count;
+  return images > num_sets_ ? images - num_sets_ : 0;
+}
+
+std::string StereoSubscriber::explainSilence() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::ostringstream text;
+  text.precision(3);
+  std::string missing;
+  text << "messages so far:";
+  for (const Arrivals& topic : arrivals_) {
+    text << " " << topic.name << " " << topic.count << ",";
+    if (topic.count == 0) missing += (missing.empty() ? "" : " and ") + topic.name;
+  }
+  text << " synchronised sets " << num_sets_ << "; ";
+  const double skew_s = std::abs(arrivals_[kLeftImage].last_stamp.toSec() -
+                                 arrivals_[kRightImage].last_stamp.toSec());
+  if (!missing.empty()) {
+    text << "nothing arrives on " << missing
+         << ": check that it is published and that the names are remapped to it";
+  } else if (num_sets_ > 0) {
+    text << "the camera has stopped publishing, or the bag is paused or has ended";
+  } else if (parameters_.approximate_sync) {
+    text << "latest stamps of left and right differ by " << skew_s
+         << " s: raise approximate_sync_max_interval_s above the difference of a pair, and check "
+            "that image and camera_info carry the same stamp";
+  } else {
+    text << "latest stamps of left and right differ by " << skew_s
+         << " s: trigger both cameras together, or set approximate_sync to true if that is small; "
+            "image and camera_info must carry the same stamp";
+  }
+  return text.str();
+}
+
+}  // namespace point_line_odometry

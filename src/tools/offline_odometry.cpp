@@ -1,0 +1,242 @@
+/// \file
+/// Runs the odometry over a bag or a data set folder, as fast as it can and without a ROS master,
+/// and writes the trajectory, a table of all frames and a summary.
+
+#include <chrono>
+#include <filesystem>
+#include <iomanip>
+#include <iostream>
+#include <memory>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "point_line_odometry/feature_overlay.h"
+#include "point_line_odometry/stereo_odometry.h"
+#include "ros/node_parameters.h"
+#include "tools/bag_source.h"
+#include "tools/command_line.h"
+#include "tools/output_folder.h"
+#include "tools/parameter_text.h"
+#include "tools/progress_bar.h"
+#include "tools/run_report.h"
+#include "tools/stereo_source.h"
+
+namespace point_line_odometry {
+namespace {
+
+namespace po = boost::program_options;
+
+struct Options {
+  std::string input;
+  std::string output;
+  std::string config;
+  std::vector<std::string> settings;
+  std::string left_topic;
+  std::string right_topic;
+  double max_interval_s = 0.0;
+  long max_frames = 0;      // 0: all
+  long features_every = 0;  // 0: no picture
+  bool quiet = false;
+};
+
+using Clock = std::chrono::steady_clock;
+
+double elapsed_ms(Clock::time_point since) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
+}
+
+std::unique_ptr<StereoSource> openSource(const Options& options) {
+  if (!std::filesystem::exists(options.input)) {
+    throw InputError("input '" + options.input + "' does not exist: name a bag or a folder");
+  }
+  if (!std::filesystem::is_directory(options.input)) {
+    const auto interval_ns = static_cast<std::int64_t>(options.max_interval_s * 1e9);
+    return std::make_unique<BagSource>(
+        BagSource::Options{options.input, {options.left_topic, options.right_topic}, interval_ns});
+  }
+  return std::make_unique<FolderSource>(StereoDataset::open(options.input));
+}
+
+Parameters readParameters(const Options& options) {
+  Parameters parameters;
+  if (!options.config.empty()) {
+    if (!std::filesystem::is_regular_file(options.config)) {
+      throw InputError("parameter file '" + options.config + "' does not exist: check the path");
+    }
+    parameters = loadParameters(options.config, nodeParameterNames());
+  }
+  return applySettings(parameters, options.settings);
+}
+
+/// The chain from a source to the rows of its frames.
+class OfflineRun {
+ public:
+  OfflineRun(StereoSource& source, const Parameters& parameters)
+      : source_(source), odometry_(rectifiedCamera(source.calibration()), parameters) {
+    if (source.needsRectification()) {
+      rectifier_ = std::make_unique<StereoRectifier>(source.calibration());
+    }
+  }
+
+  /// Takes the next frame; false at the end of the source.
+  bool step() {
+    const Clock::time_point begin = Clock::now();
+    std::optional<StereoImages> images = source_.next();
+    if (!images) return false;
+    const double decode_ms = elapsed_ms(begin);
+    const Clock::time_point decoded = Clock::now();
+    if (rectifier_) images = rectifier_->rectify(*images);
+    const double rectify_ms = rectifier_ ? elapsed_ms(decoded) : 0.0;
+    left_ = images->left;
+    result_ = odometry_.process(*images);
+    rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},
+                     result_.state,
+                     result_.reason,
+                     result_.counts,
+                     result_.rms_px,
+                     result_.times,
+                     decode_ms,
+                     rectify_ms});
+    return true;
+  }
+
+  const std::vector<FrameRow>& rows() const { return rows_; }
+
+  /// Picture of the last frame.
+  cv::Mat draw() const { return drawFeatures(left_, result_); }
+
+ private:
+  /// Pose of the camera that took the image: rectification turned it, which is undone on both sides
+  /// so that the first pose is still the identity.
+  Eigen::Isometry3d poseOfInputCamera(const Eigen::Isometry3d& T_odom_rectified) const {
+    if (!rectifier_) return T_odom_rectified;
+    Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
+    T_rectified_raw.linear() = rectifier_->R_rectified_raw();
+    return T_rectified_raw.inverse() * T_odom_rectified * T_rectified_raw;
+  }
+
+  StereoSource& source_;
+  StereoOdometry odometry_;
+  std::unique_ptr<StereoRectifier> rectifier_;
+  cv::Mat left_;
+  FrameResult result_;
+  std::vector<FrameRow> rows_;
+};
+
+void writePicture(const std::filesystem::path& folder, std::size_t index, const cv::Mat& picture) {
+  std::ostringstream name;
+  name << std::setw(6) << std::setfill('0') << index << ".png";
+  if (!cv::imwrite((folder / name.str()).string(), picture)) {
+    throw InputError("'" + (folder / name.str()).string() +
+                     "' cannot be written: make room on disk");
+  }
+}
+
+void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputFolder* output) {
+  std::vector<StampedPose> trajectory;
+  for (const FrameRow& row : rows) trajectory.push_back(row.pose);
+  std::ostringstream tum;
+  std::ostringstream kitti;
+  writeTum(tum, trajectory);
+  writeKitti(kitti, trajectory);
+  output->write("trajectory.tum", tum.str());
+  output->write("trajectory.kitti", kitti.str());
+  output->write("frames.csv", formatFramesCsv(rows));
+  output->write("summary.json", formatSummaryJson(rows, info));
+  output->commit();
+}
+
+/// The run for a source. Throws InputError if the calibration of the source cannot be used.
+OfflineRun makeRun(StereoSource& source, const Parameters& parameters, const std::string& input) {
+  try {
+    return OfflineRun(source, parameters);
+  } catch (const std::invalid_argument& error) {
+    throw InputError("calibration of '" + input + "' is unusable: " + error.what());
+  }
+}
+
+/// Takes the frames of a run, as many as are asked for, and writes the pictures that are asked for.
+void process(const Options& options, std::size_t available, OutputFolder* output, OfflineRun* run) {
+  const auto limit = static_cast<std::size_t>(options.max_frames);
+  const auto every = static_cast<std::size_t>(options.features_every);
+  std::filesystem::path pictures;
+  if (every > 0) pictures = output->makeFolder("features");
+  ProgressBar progress("odometry", limit > 0 ? std::min(available, limit) : available,
+                       options.quiet);
+  while ((limit == 0 || run->rows().size() < limit) && run->step()) {
+    const std::size_t index = run->rows().size() - 1;
+    if (every > 0 && index % every == 0) writePicture(pictures, index, run->draw());
+    progress.step();
+  }
+}
+
+int runOdometry(const Options& options) {
+  const Parameters parameters = readParameters(options);
+  const std::unique_ptr<StereoSource> source = openSource(options);
+  OfflineRun run = makeRun(*source, parameters, options.input);
+  OutputFolder output(options.output);
+  for (const char* name : {"trajectory.tum", "trajectory.kitti", "frames.csv", "summary.json"}) {
+    output.reserve(name);
+  }
+  const Clock::time_point begin = Clock::now();
+  process(options, source->size(), &output, &run);
+  const RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0};
+  writeReport(run.rows(), info, &output);
+  if (!options.quiet) std::cout << formatTable(run.rows(), info);
+  return 0;
+}
+
+int runCommandLine(int argc, char** argv) {
+  Options options;
+  po::options_description visible("Options");
+  // clang-format off
+  visible.add_options()
+      ("output,o", po::value(&options.output)->value_name("DIR"), "folder for the results")
+      ("config", po::value(&options.config)->value_name("FILE"), "parameters, YAML")
+      ("set", po::value(&options.settings)->value_name("NAME=VALUE")->composing(),
+       "one parameter; may be given several times, stronger than --config")
+      ("left-topic", po::value(&options.left_topic)->value_name("TOPIC"),
+       "left images of a bag; default: those in /stereo, or the only pair there is")
+      ("right-topic", po::value(&options.right_topic)->value_name("TOPIC"),
+       "right images of a bag; default: by the name of the left ones")
+      ("approximate-sync", po::value(&options.max_interval_s)->value_name("SECONDS"),
+       "pair images of a bag whose stamps differ by up to this; default: equal stamps")
+      ("max-frames", po::value(&options.max_frames)->value_name("N"), "stop after N frames")
+      ("features-images", po::value(&options.features_every)->value_name("N"),
+       "write a picture of the features of every Nth frame to DIR/features")
+      ("quiet", po::bool_switch(&options.quiet), "no progress bar and no table")
+      ("print-parameters", "print the table of parameters (Markdown) and end")
+      ("help,h", "print this help and end");
+  // clang-format on
+  po::options_description all(visible);
+  all.add_options()("input", po::value(&options.input));
+  const po::variables_map values = parseArguments(argc, argv, all, {"input"});
+  if (values.count("help") > 0) {
+    std::cout << "usage: offline_odometry INPUT -o DIR [options]\n\n"
+                 "Runs the stereo odometry over INPUT, a bag or the folder of a KITTI or EuRoC\n"
+                 "sequence, and writes to DIR: trajectory.tum, trajectory.kitti, frames.csv and\n"
+                 "summary.json. Poses are of the left camera, the first one is the identity.\n\n"
+              << visible;
+    return 0;
+  }
+  if (values.count("print-parameters") > 0) {
+    std::cout << formatParameterTable();
+    return 0;
+  }
+  if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");
+  if (options.output.empty()) throw InputError("no output folder is given: add -o DIR");
+  requirePositive("--max-frames", options.max_frames, values);
+  requirePositive("--features-images", options.features_every, values);
+  if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 10.0) {
+    throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
+  }
+  return runOdometry(options);
+}
+
+}  // namespace
+}  // namespace point_line_odometry
+
+int main(int argc, char** argv) {
+  return point_line_odometry::runTool(
+      "offline_odometry", [&] { return point_line_odometry::runCommandLine(argc, argv); });
+}

@@ -1,0 +1,235 @@
+#pragma once
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iomanip>
+#include <locale>
+#include <map>
+#include <numeric>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/trajectory.h"
+
+namespace point_line_odometry {
+
+/// What is kept of a frame for the files of a run.
+struct FrameRow {
+  StampedPose pose;  ///< of the left camera (of the raw one if images were rectified)
+  TrackingState state = TrackingState::kInitializing;
+  TrackingReason reason = TrackingReason::kNone;
+  FrameCounts counts;
+  double rms_px = 0.0;
+  StageTimes times;
+  double decode_ms = 0.0;
+  double rectify_ms = 0.0;
+};
+
+/// What is told of a run besides its frames.
+struct RunInfo {
+  std::string input;
+  std::size_t unpaired_images = 0;
+  double wall_s = 0.0;
+};
+
+/// Mean and quantiles of a series.
+struct Statistics {
+  double mean = 0.0;
+  double median = 0.0;
+  double p95 = 0.0;
+  double max = 0.0;
+};
+
+/// A named series, e.g. the times of a stage [ms], one per frame.
+using Series = std::pair<std::string, std::vector<double>>;
+
+/// All zero for an empty series; quantiles by nearest rank.
+inline Statistics computeStatistics(std::vector<double> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto quantile = [&values](double share) {
+    const double rank = std::ceil(share * static_cast<double>(values.size()));
+    return values[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+  };
+  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+  return {sum / static_cast<double>(values.size()), quantile(0.5), quantile(0.95), values.back()};
+}
+
+/// Names and values of FrameCounts, as in the columns of frames.csv.
+inline std::vector<std::pair<const char*, int>> listCounts(const FrameCounts& c) {
+  return {{"points_left", c.points_left},
+          {"points_right", c.points_right},
+          {"lines_left", c.lines_left},
+          {"lines_right", c.lines_right},
+          {"point_stereo_matches", c.point_stereo_matches},
+          {"line_stereo_matches", c.line_stereo_matches},
+          {"point_matches", c.point_matches},
+          {"line_matches", c.line_matches},
+          {"lines_not_triangulable", c.lines_not_triangulable},
+          {"point_inliers", c.point_inliers},
+          {"line_inliers", c.line_inliers},
+          {"iterations", c.iterations}};
+}
+
+/// Names and values of the times of a frame [ms]: every stage, their total, and what came before.
+inline std::vector<std::pair<std::string, double>> listTimes(const FrameRow& row) {
+  std::vector<std::pair<std::string, double>> times;
+  for (int i = 0; i < kNumStages; ++i) {
+    const auto stage = static_cast<Stage>(i);
+    times.emplace_back(toString(stage), row.times[stage]);
+  }
+  times.emplace_back("total", row.times.total_ms);
+  times.emplace_back("decode", row.decode_ms);
+  times.emplace_back("rectify", row.rectify_ms);
+  return times;
+}
+
+inline std::vector<Series> collectTimes(const std::vector<FrameRow>& rows) {
+  std::vector<Series> series;
+  for (const auto& time : listTimes(FrameRow()))
+    series.emplace_back(time.first, std::vector<double>());
+  for (const FrameRow& row : rows) {
+    const auto times = listTimes(row);
+    for (std::size_t i = 0; i < times.size(); ++i) series[i].second.push_back(times[i].second);
+  }
+  return series;
+}
+
+inline std::vector<Series> collectCounts(const std::vector<FrameRow>& rows) {
+  std::vector<Series> series;
+  for (const auto& count : listCounts({})) series.emplace_back(count.first, std::vector<double>());
+  for (const FrameRow& row : rows) {
+    const auto counts = listCounts(row.counts);
+    for (std::size_t i = 0; i < counts.size(); ++i) series[i].second.push_back(counts[i].second);
+  }
+  return series;
+}
+
+/// Largest memory that the process had [MB].
+inline double peakMemory_MB() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+/// Formats in the classic locale with fixed decimals.
+inline std::ostringstream fixedStream(int decimals) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << std::fixed << std::setprecision(decimals);
+  return text;
+}
+
+/// frames.csv: a row for every frame.
+inline std::string formatFramesCsv(const std::vector<FrameRow>& rows) {
+  std::ostringstream text = fixedStream(4);
+  text << "stamp_s,state,reason";
+  for (const auto& count : listCounts({})) text << ',' << count.first;
+  text << ",rms_px";
+  for (const auto& time : listTimes(FrameRow())) text << ',' << time.first << "_ms";
+  text << '\n';
+  for (const FrameRow& row : rows) {
+    text << row.pose.stamp_ns / 1000000000 << '.' << std::setw(9) << std::setfill('0')
+         << row.pose.stamp_ns % 1000000000 << ',' << toString(row.state) << ','
+         << toString(row.reason);
+    for (const auto& count : listCounts(row.counts)) text << ',' << count.second;
+    text << ',' << row.rms_px;
+    for (const auto& time : listTimes(row)) text << ',' << time.second;
+    text << '\n';
+  }
+  return text.str();
+}
+
+/// A JSON string with its quotes.
+inline std::string quoteJson(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return quoted + '"';
+}
+
+inline std::string formatStatisticsJson(const std::vector<Series>& all, const std::string& suffix) {
+  std::ostringstream text = fixedStream(4);
+  const char* separator = "";
+  for (const Series& series : all) {
+    const Statistics s = computeStatistics(series.second);
+    text << separator << "\n    " << quoteJson(series.first + suffix) << ": {\"mean\": " << s.mean
+         << ", \"median\": " << s.median << ", \"p95\": " << s.p95 << ", \"max\": " << s.max << '}';
+    separator = ",";
+  }
+  return text.str();
+}
+
+inline std::string formatHistogramJson(const std::map<std::string, std::size_t>& histogram) {
+  std::ostringstream text = fixedStream(0);
+  const char* separator = "";
+  for (const auto& [name, count] : histogram) {
+    text << separator << quoteJson(name) << ": " << count;
+    separator = ", ";
+  }
+  return "{" + text.str() + "}";
+}
+
+inline std::size_t countState(const std::vector<FrameRow>& rows, TrackingState state) {
+  return static_cast<std::size_t>(std::count_if(
+      rows.begin(), rows.end(), [state](const FrameRow& row) { return row.state == state; }));
+}
+
+/// summary.json: what a script wants to know of the run.
+inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& info) {
+  std::map<std::string, std::size_t> states;
+  std::map<std::string, std::size_t> reasons;
+  for (const FrameRow& row : rows) {
+    ++states[toString(row.state)];
+    ++reasons[toString(row.reason)];
+  }
+  std::ostringstream text = fixedStream(3);
+  text << "{\n  \"input\": " << quoteJson(info.input) << ",\n  \"frames\": " << rows.size()
+       << ",\n  \"degraded\": " << countState(rows, TrackingState::kDegraded)
+       << ",\n  \"lost\": " << countState(rows, TrackingState::kLost)
+       << ",\n  \"states\": " << formatHistogramJson(states)
+       << ",\n  \"reasons\": " << formatHistogramJson(reasons)
+       << ",\n  \"unpaired_images\": " << info.unpaired_images << ",\n  \"wall_s\": " << info.wall_s
+       << ",\n  \"peak_memory_MB\": " << peakMemory_MB() << ",\n  \"times\": {"
+       << formatStatisticsJson(collectTimes(rows), "_ms") << "\n  },\n  \"counts\": {"
+       << formatStatisticsJson(collectCounts(rows), "") << "\n  }\n}\n";
+  return text.str();
+}
+
+/// The short table that is printed at the end of a run.
+inline std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo& info) {
+  std::ostringstream text = fixedStream(2);
+  const auto heading = [&text](const char* name) {
+    text << std::left << std::setw(24) << name << std::right;
+    for (const char* column : {"mean", "median", "p95", "max"}) text << std::setw(10) << column;
+    text << '\n';
+  };
+  const auto table = [&text](const std::vector<Series>& all) {
+    for (const Series& series : all) {
+      const Statistics s = computeStatistics(series.second);
+      text << std::left << std::setw(24) << series.first << std::right;
+      for (const double value : {s.mean, s.median, s.p95, s.max}) text << std::setw(10) << value;
+      text << '\n';
+    }
+  };
+  heading("time [ms]");
+  table(collectTimes(rows));
+  heading("count");
+  table(collectCounts(rows));
+  text << rows.size() << " frames in " << info.wall_s
+       << " s: " << countState(rows, TrackingState::kOk) << " ok, "
+       << countState(rows, TrackingState::kDegraded) << " degraded, "
+       << countState(rows, TrackingState::kLost) << " lost; peak memory " << peakMemory_MB()
+       << " MB\n";
+  return text.str();
+}
+
+}  // namespace point_line_odometry

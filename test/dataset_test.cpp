@@ -1,0 +1,393 @@
+#include "point_line_odometry/dataset.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+namespace point_line_odometry {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kWidth = 64;
+constexpr int kHeight = 48;
+
+void writeText(const fs::path& file, const std::string& text) {
+  fs::create_directories(file.parent_path());
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+void writeImage(const fs::path& file, int value, cv::Size size = {kWidth, kHeight}) {
+  fs::create_directories(file.parent_path());
+  ASSERT_TRUE(cv::imwrite(file.string(), cv::Mat(size, CV_8UC1, cv::Scalar(value))));
+}
+
+/// Cuts the second half of a file off.
+void cutOff(const fs::path& file) { fs::resize_file(file, fs::file_size(file) / 2); }
+
+/// A folder of its own for each test, taken away at the end.
+class DatasetTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "point_line_dataset_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    root_ = name;
+  }
+
+  void TearDown() override { fs::remove_all(root_); }
+
+  /// Asserts that the folder is refused with a sentence that has all these words.
+  void expectRefused(const std::vector<std::string>& words) const {
+    try {
+      const StereoDataset dataset = StereoDataset::open(folder());
+      for (std::size_t i = 0; i < dataset.size(); ++i) dataset.load(i);
+    } catch (const InputError& error) {
+      const std::string text = error.what();
+      for (const std::string& word : words) {
+        EXPECT_NE(text.find(word), std::string::npos) << "no '" << word << "' in: " << text;
+      }
+      EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+      return;
+    }
+    ADD_FAILURE() << "was not refused";
+  }
+
+  std::string folder() const { return (root_ / "sequence").string(); }
+  fs::path file(const std::string& name) const { return fs::path(folder()) / name; }
+
+  fs::path root_;
+};
+
+// --- KITTI ------------------------------------------------------------------------------------
+
+class KittiDatasetTest : public DatasetTest {
+ protected:
+  void SetUp() override {
+    DatasetTest::SetUp();
+    for (int i = 0; i < 3; ++i) {
+      const std::string name = "00000" + std::to_string(i) + ".png";
+      writeImage(file("image_0") / name, 10 + i);
+      writeImage(file("image_1") / name, 20 + i);
+    }
+    writeText(file("times.txt"), "0.000000e+00\n1.037000e-01\n2.074000e-01\n");
+    writeCalibration("-20");
+  }
+
+  void writeCalibration(const std::string& right_p3) const {
+    writeText(file("calib.txt"), "P0: 50 0 32 0 0 50 24 0 0 0 1 0\nP1: 50 0 32 " + right_p3 +
+                                     " 0 50 24 0 0 0 1 0\nTr: 1 2 3\n");
+  }
+};
+
+TEST_F(KittiDatasetTest, ReadsIndexCalibrationAndImages) {
+  const StereoDataset dataset = StereoDataset::open(folder());
+  ASSERT_EQ(dataset.size(), 3U);
+  EXPECT_EQ(dataset.frame(1).stamp_ns, 103700000);
+  EXPECT_FALSE(dataset.needsRectification());
+  EXPECT_FALSE(dataset.T_body_camera().has_value());
+  EXPECT_TRUE(dataset.groundTruth().empty());
+
+  const StereoCamera camera = rectifiedCamera(dataset.calibration());
+  EXPECT_EQ(camera.fx, 50.0);
+  EXPECT_EQ(camera.cy, 24.0);
+  EXPECT_EQ(camera.baseline_m, 0.4);
+  EXPECT_EQ(camera.width, kWidth);
+  EXPECT_EQ(camera.height, kHeight);
+
+  const StereoImages images = dataset.load(2);
+  EXPECT_EQ(images.stamp_ns, 207400000);
+  EXPECT_EQ(images.left.type(), CV_8UC1);
+  EXPECT_EQ(images.left.at<std::uint8_t>(5, 5), 12);
+  EXPECT_EQ(images.right.at<std::uint8_t>(5, 5), 22);
+}
+
+TEST_F(KittiDatasetTest, TakesWindowsLineEnds) {
+  writeText(file("times.txt"), "0\r\n0.1\r\n0.2\r\n");
+  EXPECT_EQ(StereoDataset::open(folder()).frame(2).stamp_ns, 200000000);
+}
+
+TEST_F(KittiDatasetTest, ReadsPosesOfTheFolder) {
+  writeText(file("poses.txt"),
+            "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0.1 0 1 0 0 0 0 1 1\n0 0 1 1 0 1 0 2 -1 0 0 3\n");
+  const StereoDataset dataset = StereoDataset::open(folder());
+  ASSERT_EQ(dataset.groundTruth().size(), 3U);
+  const StampedPose& last = dataset.groundTruth()[2];
+  EXPECT_EQ(last.stamp_ns, 207400000);
+  EXPECT_EQ(last.T_world_camera.translation(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(last.T_world_camera(2, 0), -1.0);
+}
+
+TEST_F(KittiDatasetTest, FindsPosesWhereThePublishedDataSetHasThem) {
+  fs::create_directories(root_ / "sequences");
+  fs::rename(folder(), root_ / "sequences" / "07");
+  const std::string row = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+  writeText(root_ / "poses" / "07.txt", row + row + row);
+  const std::string sequence = (root_ / "sequences" / "07").string();
+  EXPECT_EQ(StereoDataset::open(sequence).groundTruth().size(), 3U);
+  EXPECT_EQ(StereoDataset::open(sequence + "/").groundTruth().size(), 3U);
+}
+
+TEST_F(KittiDatasetTest, RefusesMissingFolder) {
+  fs::remove_all(folder());
+  expectRefused({"does not exist", "check the path"});
+}
+
+TEST_F(KittiDatasetTest, RefusesFileInPlaceOfFolder) {
+  fs::remove_all(folder());
+  writeText(folder(), "text");
+  expectRefused({"not a folder"});
+}
+
+TEST_F(KittiDatasetTest, RefusesFolderOfAnotherKind) {
+  fs::remove_all(folder());
+  writeText(file("notes.txt"), "text");
+  expectRefused({"holds no data set", "KITTI", "EuRoC"});
+}
+
+TEST_F(KittiDatasetTest, RefusesEmptySequence) {
+  for (const char* name : {"image_0", "image_1"}) {
+    fs::remove_all(file(name));
+    fs::create_directory(file(name));
+  }
+  expectRefused({"is empty", "image_0"});
+}
+
+TEST_F(KittiDatasetTest, RefusesMissingRightImages) {
+  fs::remove_all(file("image_1"));
+  expectRefused({"image_1", "is missing"});
+}
+
+TEST_F(KittiDatasetTest, RefusesDifferentNumbersOfImages) {
+  fs::remove(file("image_1/000002.png"));
+  expectRefused({"is truncated", "image_0 has 3", "image_1 2"});
+}
+
+TEST_F(KittiDatasetTest, RefusesDifferentNumberOfTimes) {
+  writeText(file("times.txt"), "0\n0.1\n");
+  expectRefused({"is truncated", "times.txt 2"});
+}
+
+TEST_F(KittiDatasetTest, RefusesImagesOfDifferentNames) {
+  fs::rename(file("image_1/000002.png"), file("image_1/000007.png"));
+  expectRefused({"is truncated", "000002.png"});
+}
+
+TEST_F(KittiDatasetTest, RefusesMissingTimes) {
+  fs::remove(file("times.txt"));
+  expectRefused({"times.txt", "is missing"});
+}
+
+TEST_F(KittiDatasetTest, RefusesTimesThatAreNoNumbers) {
+  writeText(file("times.txt"), "0\nsoon\n0.2\n");
+  expectRefused({"times.txt", "'soon'"});
+}
+
+TEST_F(KittiDatasetTest, RefusesNegativeTime) {
+  writeText(file("times.txt"), "-1\n0\n0.2\n");
+  expectRefused({"times.txt", "'-1'"});
+}
+
+TEST_F(KittiDatasetTest, RefusesMissingCalibration) {
+  fs::remove(file("calib.txt"));
+  expectRefused({"calib.txt", "is missing"});
+}
+
+TEST_F(KittiDatasetTest, RefusesCalibrationWithoutRightCamera) {
+  writeText(file("calib.txt"), "P0: 50 0 32 0 0 50 24 0 0 0 1 0\n");
+  expectRefused({"calib.txt", "P1"});
+}
+
+TEST_F(KittiDatasetTest, RefusesCalibrationThatIsCutOff) {
+  writeText(file("calib.txt"), "P0: 50 0 32 0 0 50 24 0 0 0 1 0\nP1: 50 0 32\n");
+  expectRefused({"calib.txt", "3 numbers instead of 12"});
+}
+
+TEST_F(KittiDatasetTest, RefusesNegativeBaseline) {
+  writeCalibration("20");
+  expectRefused({"calib.txt", "baseline of -0.4", "swap"});
+}
+
+TEST_F(KittiDatasetTest, RefusesZeroBaseline) {
+  writeCalibration("0");
+  expectRefused({"calib.txt", "no baseline"});
+}
+
+TEST_F(KittiDatasetTest, RefusesPosesOfAnotherSequence) {
+  writeText(file("poses.txt"), "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  expectRefused({"poses.txt", "1 rows for 3 images"});
+}
+
+TEST_F(KittiDatasetTest, RefusesImageThatIsCutOff) {
+  cutOff(file("image_1/000001.png"));
+  expectRefused({"image_1/000001.png", "cannot be decoded"});
+}
+
+TEST_F(KittiDatasetTest, RefusesEmptyImage) {
+  writeText(file("image_0/000002.png"), "");
+  expectRefused({"image_0/000002.png", "cannot be decoded"});
+}
+
+TEST_F(KittiDatasetTest, RefusesImageOfAnotherSize) {
+  writeImage(file("image_1/000001.png"), 0, {kWidth, kHeight - 1});
+  expectRefused({"image_1/000001.png", "64 x 47", "64 x 48"});
+}
+
+// --- EuRoC ------------------------------------------------------------------------------------
+
+class EurocDatasetTest : public DatasetTest {
+ protected:
+  void SetUp() override {
+    DatasetTest::SetUp();
+    writeCamera("cam0", 10);
+    writeCamera("cam1", 20);
+    writeSensor("cam0", "0.0");
+    writeSensor("cam1", "0.1");
+  }
+
+  void writeCamera(const std::string& camera, int value) const {
+    std::string index = "#timestamp [ns],filename\r\n";
+    for (int i = 0; i < 3; ++i) {
+      const std::string stamp = "140363658476355558" + std::to_string(i);
+      index += stamp + "," + stamp + ".png\r\n";
+      writeImage(file("mav0/" + camera + "/data/" + stamp + ".png"), value + i);
+    }
+    writeText(file("mav0/" + camera + "/data.csv"), index);
+  }
+
+  /// Body: x right, y forward, z up of cameras that look along y.
+  void writeSensor(const std::string& camera, const std::string& x_m,
+                   const std::string& model = "radial-tangential") const {
+    writeText(file("mav0/" + camera + "/sensor.yaml"),
+              "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, " + x_m +
+                  ",\n    0, 0, 1, 0,\n    0, -1, 0, 0,\n    0, 0, 0, 1]\n"
+                  "resolution: [64, 48]\nintrinsics: [50, 51, 32, 24]\ndistortion_model: " +
+                  model + "\ndistortion_coefficients: [0.01, 0.002, 0.0, 0.0]\n");
+  }
+
+  void writeGroundTruth(const std::string& rows) const {
+    writeText(file("mav0/state_groundtruth_estimate0/data.csv"), "#timestamp, p, q\n" + rows);
+  }
+};
+
+TEST_F(EurocDatasetTest, ReadsIndexCalibrationAndImages) {
+  const StereoDataset dataset = StereoDataset::open(folder());
+  ASSERT_EQ(dataset.size(), 3U);
+  EXPECT_EQ(dataset.frame(2).stamp_ns, 1403636584763555582);
+  EXPECT_TRUE(dataset.needsRectification());
+  const CameraCalibration& left = dataset.calibration().left;
+  EXPECT_EQ(left.distortion_model, "plumb_bob");
+  EXPECT_EQ(left.D, (std::vector<double>{0.01, 0.002, 0.0, 0.0, 0.0}));
+  EXPECT_EQ(left.K(1, 1), 51.0);
+  EXPECT_NEAR(rectifiedCamera(dataset.calibration()).baseline_m, 0.1, 1e-12);
+  EXPECT_EQ(dataset.load(1).right.at<std::uint8_t>(0, 0), 21);
+}
+
+TEST_F(EurocDatasetTest, TakesTheInnerFolderToo) {
+  EXPECT_EQ(StereoDataset::open(file("mav0").string()).size(), 3U);
+}
+
+TEST_F(EurocDatasetTest, PairsByEqualStamps) {
+  writeText(file("mav0/cam1/data.csv"),
+            "#timestamp [ns],filename\n1403636584763555581,1403636584763555581.png\n"
+            "1403636584763555583,gone.png\n");
+  const StereoDataset dataset = StereoDataset::open(folder());
+  ASSERT_EQ(dataset.size(), 1U);
+  EXPECT_EQ(dataset.frame(0).stamp_ns, 1403636584763555581);
+  EXPECT_EQ(dataset.load(0).left.at<std::uint8_t>(0, 0), 11);
+}
+
+TEST_F(EurocDatasetTest, GroundTruthIsOfTheLeftCamera) {
+  writeSensor("cam0", "-0.5");
+  // The body is turned by 90 degrees about z: its x axis points along y.
+  writeGroundTruth("1403636584763555580,1,2,3,0.70710678118,0,0,0.70710678118,0,0,0\r\n");
+  const StereoDataset dataset = StereoDataset::open(folder());
+  ASSERT_EQ(dataset.groundTruth().size(), 1U);
+  const StampedPose& pose = dataset.groundTruth()[0];
+  EXPECT_EQ(pose.stamp_ns, 1403636584763555580);
+  EXPECT_TRUE(pose.T_world_camera.translation().isApprox(Eigen::Vector3d(1.0, 1.5, 3.0), 1e-9));
+  const Eigen::Vector3d forward = pose.T_world_camera.linear().col(2);
+  EXPECT_TRUE(forward.isApprox(Eigen::Vector3d(-1, 0, 0), 1e-9)) << forward.transpose();
+  EXPECT_EQ(dataset.T_body_camera()->translation().x(), -0.5);
+}
+
+TEST_F(EurocDatasetTest, TakesFisheyeCameras) {
+  writeSensor("cam0", "0.0", "equidistant");
+  writeSensor("cam1", "0.1", "equidistant");
+  const StereoDataset dataset = StereoDataset::open(folder());
+  EXPECT_EQ(dataset.calibration().left.distortion_model, "equidistant");
+  EXPECT_NEAR(rectifiedCamera(dataset.calibration()).baseline_m, 0.1, 1e-12);
+}
+
+TEST_F(EurocDatasetTest, RefusesMissingImages) {
+  fs::remove(file("mav0/cam1/data/1403636584763555581.png"));
+  expectRefused({"is truncated", "1 of 6", "cam1/data/1403636584763555581.png"});
+}
+
+TEST_F(EurocDatasetTest, RefusesMissingRightCamera) {
+  fs::remove_all(file("mav0/cam1"));
+  expectRefused({"cam1/data.csv", "is missing"});
+}
+
+TEST_F(EurocDatasetTest, RefusesEmptyIndex) {
+  writeText(file("mav0/cam0/data.csv"), "#timestamp [ns],filename\n");
+  expectRefused({"cam0/data.csv", "names no image"});
+}
+
+TEST_F(EurocDatasetTest, RefusesIndexWithoutStamps) {
+  writeText(file("mav0/cam0/data.csv"), "yesterday,a.png\n");
+  expectRefused({"cam0/data.csv", "'yesterday,a.png'"});
+}
+
+TEST_F(EurocDatasetTest, RefusesCamerasThatAreNotSynchronised) {
+  writeText(file("mav0/cam1/data.csv"), "1403636584763555999,a.png\n");
+  expectRefused({"no stamp of cam0/data.csv occurs in cam1/data.csv"});
+}
+
+TEST_F(EurocDatasetTest, RefusesMissingCalibration) {
+  fs::remove(file("mav0/cam1/sensor.yaml"));
+  expectRefused({"cam1/sensor.yaml", "is missing"});
+}
+
+TEST_F(EurocDatasetTest, RefusesCalibrationThatIsNotYaml) {
+  writeText(file("mav0/cam0/sensor.yaml"), "intrinsics: [1, 2");
+  expectRefused({"cam0/sensor.yaml", "unusable"});
+}
+
+TEST_F(EurocDatasetTest, RefusesCalibrationWithoutIntrinsics) {
+  writeText(file("mav0/cam0/sensor.yaml"), "resolution: [64, 48]\n");
+  expectRefused({"cam0/sensor.yaml", "intrinsics"});
+}
+
+TEST_F(EurocDatasetTest, RefusesUnknownDistortion) {
+  writeSensor("cam0", "0.0", "omni");
+  expectRefused({"cam0/sensor.yaml", "'omni'", "equidistant"});
+}
+
+TEST_F(EurocDatasetTest, RefusesSwappedCameras) {
+  writeSensor("cam1", "-0.1");
+  expectRefused({"sensor.yaml", "baseline of -0.1", "swap"});
+}
+
+TEST_F(EurocDatasetTest, RefusesCamerasAtOnePlace) {
+  writeSensor("cam1", "0.0");
+  expectRefused({"sensor.yaml", "0 m apart"});
+}
+
+TEST_F(EurocDatasetTest, RefusesGroundTruthWithoutOrientation) {
+  writeGroundTruth("1403636584763555580,1,2,3\n");
+  expectRefused({"state_groundtruth_estimate0/data.csv", "unit quaternion"});
+}
+
+}  // namespace
+}  // namespace point_line_odometry
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

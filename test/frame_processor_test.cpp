@@ -1,0 +1,312 @@
+/// What the ROS shell does around the core, without a node: parameters, queue, frame processor,
+/// outgoing messages.
+
+#include "ros/frame_processor.h"
+
+#include <gtest/gtest.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <thread>
+
+#include "ros/conversions.h"
+#include "ros/frame_messages.h"
+#include "ros/frame_queue.h"
+#include "ros/node_parameters.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr double kHalfPi = 1.57079632679489662;
+
+/// Camera that looks along the base's x axis, 0.3 m ahead of its origin.
+Eigen::Isometry3d mounting() {
+  Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();
+  T_base_camera.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  T_base_camera.translation() = Eigen::Vector3d(0.3, 0.0, 0.0);
+  return T_base_camera;
+}
+
+/// A black pair at `stamp_s`; black images are legal, the core just finds nothing in them.
+StereoMessages makeMessages(double stamp_s) {
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header.stamp = ros::Time(stamp_s);
+  image->header.frame_id = "/camera";
+  image->encoding = "mono8";
+  image->width = 320;
+  image->height = 240;
+  image->step = 320;
+  image->data.assign(320 * 240, 0);
+  const auto left = boost::make_shared<sensor_msgs::CameraInfo>();
+  left->width = 320;
+  left->height = 240;
+  left->distortion_model = "plumb_bob";
+  left->K = {300, 0, 160, 0, 300, 120, 0, 0, 1};
+  left->R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  left->P = {300, 0, 160, 0, 0, 300, 120, 0, 0, 0, 1, 0};
+  const auto right = boost::make_shared<sensor_msgs::CameraInfo>(*left);
+  right->P[3] = -60.0;
+  return {image, image, left, right};
+}
+
+AllParameters startAt(double x, double y) {
+  AllParameters parameters;
+  parameters.node.initial_pose.x = x;
+  parameters.node.initial_pose.y = y;
+  return parameters;
+}
+
+/// A processed frame with one inlier and one outlier of each kind.
+ProcessedFrame makeFrame() {
+  ProcessedFrame frame;
+  frame.header.stamp = ros::Time(12.5);
+  frame.header.frame_id = "camera";
+  frame.T_base_camera = mounting();
+  frame.left = cv::Mat(240, 320, CV_8UC1, cv::Scalar(42));
+  frame.camera = {300, 300, 160, 120, 0.2, 320, 240};
+  frame.result.state = TrackingState::kOk;
+  frame.result.reason = TrackingReason::kNone;
+  frame.result.T_odom_camera = mounting();
+  ObservedPoint point;
+  point.left_px = {100, 50};
+  point.p_camera = {1, 2, 3};
+  point.inlier = true;
+  frame.result.points = {point, ObservedPoint()};
+  ObservedLine line;
+  line.start_camera = {0, 0, 2};
+  line.end_camera = {1, 0, 2};
+  line.inlier = true;
+  frame.result.lines = {line, ObservedLine()};
+  return frame;
+}
+
+std::string parseError(const XmlRpc::XmlRpcValue& tree) {
+  try {
+    parseParameters(tree);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ParseParameters, SetsBothTables) {
+  XmlRpc::XmlRpcValue tree;
+  tree["base_frame_id"] = std::string("robot");
+  tree["publish_tf"] = false;
+  tree["initial_pose"]["yaw"] = kHalfPi;
+  tree["lines"]["max_count"] = 123;
+  tree["tracking"]["max_speed_m_s"] = 7;  // a whole number for a real one
+  const AllParameters parameters = parseParameters(tree);
+  EXPECT_EQ(parameters.node.base_frame_id, "robot");
+  EXPECT_FALSE(parameters.node.publish_tf);
+  EXPECT_EQ(parameters.core.lines.max_count, 123);
+  EXPECT_EQ(parameters.core.tracking.max_speed_m_s, 7.0);
+  const Eigen::Vector3d forward = initialPose(parameters.node).linear() * Eigen::Vector3d::UnitX();
+  EXPECT_TRUE(forward.isApprox(Eigen::Vector3d::UnitY(), 1e-9));
+}
+
+TEST(ParseParameters, NamesEverythingThatIsWrong) {
+  XmlRpc::XmlRpcValue tree;
+  tree["no_such"]["name"] = 1;
+  tree["another"] = 2;
+  tree["queue_size"] = 0;
+  tree["rectify"] = std::string("yes");
+  tree["on_time_jump"] = std::string("panic");
+  tree["motion"]["huber_delta"] = -1.0;
+  const std::string error = parseError(tree);
+  for (const char* name : {"~no_such/name", "~another", "queue_size is 0", "rectify must be true",
+                           "on_time_jump is 'panic'", "motion/huber_delta is -1"}) {
+    EXPECT_NE(error.find(name), std::string::npos) << name << " is not in: " << error;
+  }
+}
+
+TEST(ParseParameters, LeavesTheLibrariesTheirOwn) {
+  XmlRpc::XmlRpcValue tree;
+  tree["num_worker_threads"] = 2;
+  tree["compressed"]["mode"] = std::string("gray");
+  EXPECT_EQ(parseError(tree), "");
+}
+
+TEST(FrameQueue, DropsTheOldest) {
+  FrameQueue<int> queue(2);
+  EXPECT_TRUE(queue.push(1));
+  EXPECT_TRUE(queue.push(2));
+  EXPECT_FALSE(queue.push(3));
+  const auto always = [](int) { return true; };
+  EXPECT_EQ(queue.popWhen(always, std::chrono::milliseconds(1)), 2);
+  EXPECT_EQ(queue.popWhen(always, std::chrono::milliseconds(1)), 3);
+}
+
+TEST(FrameQueue, AsksAgainUntilReady) {
+  FrameQueue<int> queue(2);
+  queue.push(1);
+  int asked = 0;
+  const auto third_time = [&asked](int) { return ++asked == 3; };
+  EXPECT_EQ(queue.popWhen(third_time, std::chrono::milliseconds(1)), 1);
+}
+
+TEST(FrameQueue, StopsWhoeverWaits) {
+  FrameQueue<int> queue(2);
+  std::thread waiting([&queue] {
+    EXPECT_FALSE(queue.popWhen([](int) { return true; }, std::chrono::milliseconds(1)));
+  });
+  queue.stop();
+  waiting.join();
+}
+
+TEST(FrameProcessor, BeginsAtTheInitialPoseOfTheBase) {
+  FrameProcessor processor(startAt(1.0, 2.0));
+  const ProcessedFrame frame = processor.process(makeMessages(10.0), mounting());
+  EXPECT_EQ(frame.header.frame_id, "camera");
+  EXPECT_TRUE(frame.T_odom_base().translation().isApprox(Eigen::Vector3d(1, 2, 0), 1e-9));
+  EXPECT_TRUE(
+      frame.result.T_odom_camera.isApprox(initialPose(startAt(1.0, 2.0).node) * mounting(), 1e-9));
+}
+
+TEST(FrameProcessor, RefusesMessagesAndGoesOn) {
+  FrameProcessor processor{AllParameters()};
+  StereoMessages bad = makeMessages(10.0);
+  bad.right_info = bad.left_info;
+  EXPECT_THROW(processor.process(bad, mounting()), MessageError);
+  EXPECT_TRUE(processor.process(makeMessages(10.1), mounting()).result.accepted());
+  const auto truncated = boost::make_shared<sensor_msgs::Image>(*makeMessages(10.2).left);
+  truncated->data.resize(10);
+  bad = makeMessages(10.2);
+  bad.left = truncated;
+  EXPECT_THROW(processor.process(bad, mounting()), MessageError);
+  EXPECT_TRUE(processor.process(makeMessages(10.3), mounting()).result.accepted());
+}
+
+TEST(FrameProcessor, TakesAnotherCalibrationAndKeepsThePose) {
+  FrameProcessor processor(startAt(3.0, 0.0));
+  processor.process(makeMessages(10.0), mounting());
+  StereoMessages messages = makeMessages(10.1);
+  const auto right = boost::make_shared<sensor_msgs::CameraInfo>(*messages.right_info);
+  right->P[3] = -90.0;
+  messages.right_info = right;
+  const ProcessedFrame frame = processor.process(messages, mounting());
+  EXPECT_DOUBLE_EQ(frame.camera.baseline_m, 0.3);
+  EXPECT_NEAR(frame.T_odom_base().translation().x(), 3.0, 1e-9);
+}
+
+TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
+  for (const std::string policy : {"reset", "keep_pose", "ignore"}) {
+    AllParameters parameters = startAt(1.0, 0.0);
+    parameters.node.on_time_jump = policy;
+    FrameProcessor processor(parameters);
+    Eigen::Isometry3d elsewhere = Eigen::Isometry3d::Identity();
+    elsewhere.translation().x() = 5.0;
+    processor.process(makeMessages(20.0), mounting());
+    processor.reset(elsewhere);
+    processor.process(makeMessages(21.0), mounting());
+    const ProcessedFrame frame = processor.process(makeMessages(10.0), mounting());
+    EXPECT_EQ(frame.result.accepted(), policy != "ignore") << policy;
+    EXPECT_EQ(processor.startedAnew(), policy == "reset") << policy;
+    EXPECT_NEAR(frame.T_odom_base().translation().x(), policy == "reset" ? 1.0 : 5.0, 1e-9)
+        << policy;
+  }
+}
+
+TEST(FrameProcessor, UndoesTheRectifyingRotation) {
+  AllParameters parameters;
+  parameters.node.rectify = true;
+  FrameProcessor processor(parameters);
+  StereoMessages messages = makeMessages(10.0);
+  const double tilt_rad = 0.01;
+  const Eigen::Matrix3d R_rectified_raw =
+      Eigen::AngleAxisd(tilt_rad, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  const auto left = boost::make_shared<sensor_msgs::CameraInfo>(*messages.left_info);
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(left->R.data()) = R_rectified_raw;
+  messages.left_info = left;
+  const ProcessedFrame frame = processor.process(messages, mounting());
+  EXPECT_TRUE(frame.T_header_camera.linear().isApprox(R_rectified_raw.transpose(), 1e-9));
+  EXPECT_TRUE(frame.T_base_camera.isApprox(mounting() * frame.T_header_camera, 1e-9));
+  EXPECT_TRUE(frame.T_odom_base().isApprox(Eigen::Isometry3d::Identity(), 1e-9));
+}
+
+TEST(FrameMessages, OdometryIsThatOfTheBase) {
+  ProcessedFrame frame = makeFrame();
+  frame.result.T_odom_camera.translation().x() += 4.0;
+  frame.result.twist << 0, 0, 2, 0, -0.5, 0;  // forward, turning to the left
+  frame.result.pose_covariance(5, 5) = 0.01;
+  const nav_msgs::Odometry odometry = toOdometry(frame, {"odom", "base_link"});
+  EXPECT_EQ(odometry.header.stamp, frame.header.stamp);
+  EXPECT_EQ(odometry.header.frame_id, "odom");
+  EXPECT_EQ(odometry.child_frame_id, "base_link");
+  EXPECT_NEAR(odometry.pose.pose.position.x, 4.0, 1e-9);
+  EXPECT_NEAR(odometry.pose.pose.orientation.w, 1.0, 1e-9);
+  EXPECT_NEAR(odometry.twist.twist.linear.x, 2.0, 1e-9);
+  EXPECT_NEAR(odometry.twist.twist.linear.y, -0.3 * 0.5, 1e-9);
+  EXPECT_NEAR(odometry.twist.twist.angular.z, 0.5, 1e-9);
+  EXPECT_NEAR(odometry.pose.covariance[7], 0.3 * 0.3 * 0.01, 1e-9);
+}
+
+TEST(FrameMessages, TransformCanBeInverted) {
+  ProcessedFrame frame = makeFrame();
+  frame.result.T_odom_camera.translation().x() += 4.0;
+  const auto forth = toTransformStamped(frame, {"odom", "base_link"}, false);
+  EXPECT_EQ(forth.child_frame_id, "base_link");
+  EXPECT_NEAR(forth.transform.translation.x, 4.0, 1e-9);
+  const auto back = toTransformStamped(frame, {"odom", "base_link"}, true);
+  EXPECT_EQ(back.header.frame_id, "base_link");
+  EXPECT_EQ(back.child_frame_id, "odom");
+  EXPECT_NEAR(back.transform.translation.x, -4.0, 1e-9);
+}
+
+TEST(FrameMessages, CloudHoldsTheInliers) {
+  ProcessedFrame frame = makeFrame();
+  frame.T_header_camera.linear() =
+      Eigen::AngleAxisd(kHalfPi, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const sensor_msgs::PointCloud2 cloud = toPointCloud(frame);
+  ASSERT_EQ(cloud.width * cloud.height, 1U);
+  const sensor_msgs::PointCloud2ConstIterator<float> x(cloud, "x");
+  EXPECT_NEAR(x[0], -2.0F, 1e-6F);
+  EXPECT_NEAR(x[1], 1.0F, 1e-6F);
+  EXPECT_NEAR(x[2], 3.0F, 1e-6F);
+  EXPECT_EQ(*sensor_msgs::PointCloud2ConstIterator<float>(cloud, "intensity"), 42.0F);
+}
+
+TEST(FrameMessages, MarkersTellInliersFromOutliers) {
+  const auto markers = toLineMarkers(makeFrame());
+  ASSERT_EQ(markers.markers.size(), 2U);
+  EXPECT_EQ(markers.markers[0].ns, "inliers");
+  EXPECT_EQ(markers.markers[0].points.size(), 2U);
+  EXPECT_EQ(markers.markers[0].header.frame_id, "camera");
+  EXPECT_EQ(markers.markers[1].ns, "outliers");
+}
+
+TEST(FrameMessages, LandmarksAreNearInliersInOdom) {
+  ProcessedFrame frame = makeFrame();
+  ASSERT_EQ(toLandmarks(frame).size(), 1U);
+  EXPECT_TRUE(toLandmarks(frame)[0].end.isApprox(Eigen::Vector3d(2.3, -1.0, 0.0), 1e-6));
+  frame.result.lines[0].end_camera.z() = 1000.0F;
+  EXPECT_TRUE(toLandmarks(frame).empty());
+}
+
+TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
+  ProcessedFrame frame = makeFrame();
+  frame.result.counts.line_matches = 17;
+  const StereoFeaturesMessage features = toFeatures(frame);
+  ASSERT_EQ(features.points.size(), 2U);
+  EXPECT_EQ(features.points[0].left_u, 100.0F);
+  EXPECT_TRUE(features.points[0].inlier);
+  EXPECT_FALSE(features.lines[1].inlier);
+  const OdometryInfo info = toInfo(frame, {5, 1, 2, 3}, 8.0);
+  EXPECT_EQ(info.state, OdometryInfo::OK);
+  EXPECT_EQ(info.reason, "");
+  EXPECT_EQ(info.line_matches, 17U);
+  EXPECT_EQ(info.frames_processed, 5U);
+  EXPECT_EQ(info.exceptions, 3U);
+  EXPECT_EQ(info.stage_names.size(), info.stage_ms.size());
+}
+
+TEST(LatencyMs, IsZeroWhereTheClockCannotTell) {
+  EXPECT_DOUBLE_EQ(latencyMs(ros::Time(10.0), ros::Time(10.5)), 500.0);
+  EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(9.0)), 0.0);
+  EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(1e9)), 0.0);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

@@ -1,0 +1,293 @@
+#include "point_line_odometry/rectification.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <string>
+
+namespace point_line_odometry {
+namespace {
+
+constexpr int kWidth = 640;
+constexpr int kHeight = 480;
+constexpr double kFocal_px = 500.0;
+
+CameraCalibration makeCamera() {
+  CameraCalibration camera;
+  camera.width = kWidth;
+  camera.height = kHeight;
+  camera.K << kFocal_px, 0.0, 320.0, 0.0, kFocal_px, 240.0, 0.0, 0.0, 1.0;
+  camera.D.assign(5, 0.0);
+  return camera;
+}
+
+/// A pair that is rectified as it is, with a baseline of 0.2 m.
+StereoCalibration makeRectifiedPair() {
+  StereoCalibration calibration{makeCamera(), makeCamera()};
+  for (CameraCalibration* camera : {&calibration.left, &calibration.right}) {
+    camera->P.leftCols<3>() = camera->K;
+  }
+  calibration.right.P(0, 3) = -kFocal_px * 0.2;
+  return calibration;
+}
+
+/// Pose of a right camera that is turned by a few degrees and shifted mainly along x.
+Eigen::Isometry3d makeTurnedPose() {
+  Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
+  T_left_right.linear() = (Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()) *
+                           Eigen::AngleAxisd(-0.05, Eigen::Vector3d::UnitY()) *
+                           Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitZ()))
+                              .toRotationMatrix();
+  T_left_right.translation() = Eigen::Vector3d(0.12, 0.004, -0.006);
+  return T_left_right.inverse();
+}
+
+StereoImages makeNoise(int seed) {
+  StereoImages images;
+  images.stamp_ns = 7;
+  cv::RNG random(static_cast<std::uint64_t>(seed));
+  for (cv::Mat* image : {&images.left, &images.right}) {
+    image->create(kHeight, kWidth, CV_8UC1);
+    random.fill(*image, cv::RNG::UNIFORM, 0, 256);
+  }
+  return images;
+}
+
+bool equal(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0.0;
+}
+
+/// Asserts that the call throws std::invalid_argument with these words.
+void expectInvalid(const std::function<void()>& call, const std::string& words) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+    return;
+  }
+  ADD_FAILURE() << "nothing was thrown; expected: " << words;
+}
+
+/// Asserts that a pair is refused after a change, with these words.
+void expectRefused(const std::function<void(StereoCalibration&)>& change,
+                   const std::string& words) {
+  StereoCalibration calibration = makeRectifiedPair();
+  change(calibration);
+  expectInvalid([&] { rectifiedCamera(calibration); }, words);
+}
+
+// --- rectifiedCamera --------------------------------------------------------------------------
+
+TEST(RectifiedCamera, ReadsTheProjections) {
+  const StereoCamera camera = rectifiedCamera(makeRectifiedPair());
+  EXPECT_EQ(camera.fx, kFocal_px);
+  EXPECT_EQ(camera.fy, kFocal_px);
+  EXPECT_EQ(camera.cx, 320.0);
+  EXPECT_EQ(camera.cy, 240.0);
+  EXPECT_DOUBLE_EQ(camera.baseline_m, 0.2);
+  EXPECT_EQ(camera.width, kWidth);
+  EXPECT_EQ(camera.height, kHeight);
+}
+
+TEST(RectifiedCamera, DisparityOfAPointByHand) {
+  const StereoCamera camera = rectifiedCamera(makeRectifiedPair());
+  const Eigen::Vector3d p_camera(0.5, 0.25, 5.0);  // disparity 500 * 0.2 / 5 = 20 px
+  EXPECT_TRUE(camera.projectLeft(p_camera).isApprox(Eigen::Vector2d(370.0, 265.0)));
+  EXPECT_TRUE(camera.projectRight(p_camera).isApprox(Eigen::Vector2d(350.0, 265.0)));
+}
+
+TEST(RectifiedCamera, RefusesUnusableProjections) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  expectRefused([](auto& c) { c.left.P.setZero(); }, "left camera: P is all zero");
+  expectRefused([nan](auto& c) { c.right.P(1, 2) = nan; }, "right camera: P holds values");
+  expectRefused([](auto& c) { c.left.P(0, 0) = -500.0; }, "focal lengths -500");
+  expectRefused([](auto& c) { c.right.P(0, 2) += 3.0; }, "P of the left and right camera differ");
+  expectRefused([](auto& c) { c.right.P(0, 3) = 100.0; }, "swap left and right");
+  expectRefused([](auto& c) { c.right.P(0, 3) = 0.0; }, "no baseline");
+  expectRefused([](auto& c) { c.right.width = 320; }, "both must have the same size");
+  expectRefused([](auto& c) { c.left.height = 0; }, "left camera: the size is 640 x 0");
+}
+
+TEST(StereoCameraTest, ValidateNamesFieldAndValue) {
+  const StereoCamera good = rectifiedCamera(makeRectifiedPair());
+  EXPECT_NO_THROW(good.validate());
+  StereoCamera bad = good;
+  bad.fx = 0.0;
+  expectInvalid([&] { bad.validate(); }, "fx is 0");
+  bad = good;
+  bad.baseline_m = -0.5;
+  expectInvalid([&] { bad.validate(); }, "baseline_m is -0.5");
+  bad = good;
+  bad.cx = std::numeric_limits<double>::infinity();
+  expectInvalid([&] { bad.validate(); }, "cx is inf");
+  bad = good;
+  bad.width = -3;
+  expectInvalid([&] { bad.validate(); }, "width is -3");
+}
+
+// --- rectifyCalibration -----------------------------------------------------------------------
+
+/// Raw pixel of a point in a pinhole camera without distortion, turned into the rectified one.
+Eigen::Vector2d rectifyPixel(const CameraCalibration& camera, const Eigen::Vector3d& p_raw) {
+  const Eigen::Vector3d p = camera.P.leftCols<3>() * (camera.R * p_raw);
+  return p.hnormalized();
+}
+
+TEST(RectifyCalibration, LeavesARectifiedPairAsItIs) {
+  Eigen::Isometry3d T_right_left = Eigen::Isometry3d::Identity();
+  T_right_left.translation().x() = -0.2;
+  const StereoCalibration result = rectifyCalibration(makeRectifiedPair(), T_right_left);
+  EXPECT_TRUE(result.left.R.isIdentity(1e-12));
+  EXPECT_TRUE(result.right.R.isIdentity(1e-12));
+  EXPECT_NEAR(rectifiedCamera(result).baseline_m, 0.2, 1e-12);
+  EXPECT_NEAR(result.left.P(0, 0), kFocal_px, 3.0);
+}
+
+TEST(RectifyCalibration, PutsAPointOnTheSameRowOfBothImages) {
+  const Eigen::Isometry3d T_right_left = makeTurnedPose();
+  const StereoCalibration result = rectifyCalibration({makeCamera(), makeCamera()}, T_right_left);
+  const StereoCamera camera = rectifiedCamera(result);
+  EXPECT_NEAR(camera.baseline_m, T_right_left.translation().norm(), 1e-9);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> side(-2.0, 2.0);
+  std::uniform_real_distribution<double> depth(2.0, 30.0);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d p_left(side(random), side(random), depth(random));
+    const Eigen::Vector2d left = rectifyPixel(result.left, p_left);
+    const Eigen::Vector2d right = rectifyPixel(result.right, T_right_left * p_left);
+    EXPECT_NEAR(left.y(), right.y(), 1e-6);
+    const Eigen::Vector3d p_rectified = result.left.R * p_left;
+    EXPECT_NEAR(left.x() - right.x(), camera.fx * camera.baseline_m / p_rectified.z(), 1e-6);
+  }
+}
+
+TEST(RectifyCalibration, GivesTheSameDoublesEachTime) {
+  const StereoCalibration first =
+      rectifyCalibration({makeCamera(), makeCamera()}, makeTurnedPose());
+  const StereoCalibration second =
+      rectifyCalibration({makeCamera(), makeCamera()}, makeTurnedPose());
+  EXPECT_EQ(first.left.P, second.left.P);
+  EXPECT_EQ(first.right.P, second.right.P);
+  EXPECT_EQ(first.left.R, second.left.R);
+  EXPECT_EQ(first.right.R, second.right.R);
+}
+
+TEST(RectifyCalibration, TakesEveryDistortionModel) {
+  for (const auto& [model, count] : {std::pair<const char*, std::size_t>{"plumb_bob", 4},
+                                     {"plumb_bob", 5},
+                                     {"rational_polynomial", 8},
+                                     {"equidistant", 4},
+                                     {"plumb_bob", 0}}) {
+    CameraCalibration camera = makeCamera();
+    camera.distortion_model = model;
+    camera.D.assign(count, 0.001);
+    const StereoCalibration result = rectifyCalibration({camera, camera}, makeTurnedPose());
+    EXPECT_GT(rectifiedCamera(result).baseline_m, 0.1) << model;
+    EXPECT_NO_THROW(StereoRectifier{result}) << model;
+  }
+}
+
+TEST(RectifyCalibration, RefusesWhatCannotBeRectified) {
+  const auto refuse = [](const std::function<void(CameraCalibration&)>& change,
+                         const std::string& words) {
+    CameraCalibration left = makeCamera();
+    change(left);
+    expectInvalid([&] { rectifyCalibration({left, makeCamera()}, makeTurnedPose()); }, words);
+  };
+  refuse([](auto& c) { c.distortion_model = "omni"; }, "'omni' is unknown");
+  refuse([](auto& c) { c.D.assign(3, 0.0); }, "D has 3 coefficients");
+  refuse([](auto& c) { c.D[0] = std::nan(""); }, "D is not finite");
+  refuse([](auto& c) { c.K.setZero(); }, "left camera: K has focal lengths 0 and 0");
+  refuse([](auto& c) { c.width = 0; }, "the size is 0 x 480");
+  refuse([](auto& c) { c.D.assign(4, 0.0), c.distortion_model = "equidistant"; }, "of one kind");
+  expectInvalid(
+      [] {
+        rectifyCalibration({makeCamera(), makeCamera()}, Eigen::Isometry3d::Identity());
+      },
+      "0 m apart");
+}
+
+// --- StereoRectifier --------------------------------------------------------------------------
+
+TEST(StereoRectifierTest, UndistortedRectifiedPairIsUnchanged) {
+  const StereoRectifier rectifier(makeRectifiedPair());
+  const StereoImages raw = makeNoise(1);
+  const StereoImages rectified = rectifier.rectify(raw);
+  EXPECT_TRUE(equal(rectified.left, raw.left));
+  EXPECT_TRUE(equal(rectified.right, raw.right));
+  EXPECT_EQ(rectified.stamp_ns, 7);
+  EXPECT_TRUE(rectifier.R_rectified_raw().isIdentity(0.0));
+  EXPECT_EQ(rectifier.camera(), rectifiedCamera(makeRectifiedPair()));
+}
+
+TEST(StereoRectifierTest, MovesAPatchToWhereTheMathSays) {
+  const Eigen::Isometry3d T_right_left = makeTurnedPose();
+  const StereoCalibration calibration =
+      rectifyCalibration({makeCamera(), makeCamera()}, T_right_left);
+  const Eigen::Vector3d p_left(0.3, -0.2, 4.0);
+  const Eigen::Vector3d p_right = T_right_left * p_left;
+  StereoImages raw;
+  const auto draw = [](const Eigen::Vector3d& p, cv::Mat* image) {
+    *image = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+    const Eigen::Vector2d px = (makeCamera().K * p).hnormalized();
+    constexpr int kShift = 8;
+    cv::circle(*image, cv::Point2d(px.x(), px.y()) * (1 << kShift), 6 << kShift, 255, cv::FILLED,
+               cv::LINE_AA, kShift);
+  };
+  draw(p_left, &raw.left);
+  draw(p_right, &raw.right);
+  const StereoImages rectified = StereoRectifier(calibration).rectify(raw);
+  const auto centre = [](const cv::Mat& image) {
+    const cv::Moments m = cv::moments(image);
+    return Eigen::Vector2d(m.m10 / m.m00, m.m01 / m.m00);
+  };
+  EXPECT_LT((centre(rectified.left) - rectifyPixel(calibration.left, p_left)).norm(), 0.1);
+  EXPECT_LT((centre(rectified.right) - rectifyPixel(calibration.right, p_right)).norm(), 0.1);
+}
+
+TEST(StereoRectifierTest, GivesTheSameBytesEachTime) {
+  CameraCalibration camera = makeCamera();
+  camera.D = {-0.28, 0.07, 0.0002, 0.00002, 0.0};
+  const StereoCalibration calibration = rectifyCalibration({camera, camera}, makeTurnedPose());
+  const StereoImages raw = makeNoise(2);
+  const StereoImages first = StereoRectifier(calibration).rectify(raw);
+  const StereoImages second = StereoRectifier(calibration).rectify(raw);
+  EXPECT_TRUE(equal(first.left, second.left));
+  EXPECT_TRUE(equal(first.right, second.right));
+}
+
+TEST(StereoRectifierTest, RefusesImagesThatDoNotFit) {
+  const StereoRectifier rectifier(makeRectifiedPair());
+  StereoImages raw = makeNoise(3);
+  raw.right = raw.right.rowRange(0, kHeight - 1);
+  expectInvalid([&] { rectifier.rectify(raw); }, "640 x 479");
+  raw = makeNoise(3);
+  raw.left.convertTo(raw.left, CV_16UC1);
+  expectInvalid([&] { rectifier.rectify(raw); }, "16 bit");
+  expectInvalid([&] { rectifier.rectify(StereoImages()); }, "0 x 0");
+}
+
+TEST(StereoRectifierTest, RefusesUnusableCalibration) {
+  StereoCalibration calibration = makeRectifiedPair();
+  calibration.right.R.setZero();
+  expectInvalid([&] { StereoRectifier{calibration}; }, "right camera: R is not a rotation");
+  calibration = makeRectifiedPair();
+  calibration.left.K.setZero();
+  expectInvalid([&] { StereoRectifier{calibration}; }, "left camera: K");
+  calibration = makeRectifiedPair();
+  calibration.right.P(0, 3) = 0.0;
+  expectInvalid([&] { StereoRectifier{calibration}; }, "no baseline");
+}
+
+}  // namespace
+}  // namespace point_line_odometry
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

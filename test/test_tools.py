@@ -1,0 +1,360 @@
+#!/usr/bin/env python3
+"""Tests of offline_odometry and dataset_to_bag as their users run them.
+
+The programs are looked for in the folder POINT_LINE_ODOMETRY_BIN, else by catkin_find. Real
+sequences are looked for in POINT_LINE_ODOMETRY_DATA, else in ../shared/data beside the
+repository; without them the tests that need them are skipped.
+"""
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import unittest
+
+import rosbag
+
+from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest, cut_off,
+                          data_folder, find_program, read, write)
+
+RESULTS = ["frames.csv", "summary.json", "trajectory.kitti", "trajectory.tum"]
+
+
+class OfflineOdometryTest(ToolTest):
+    def test_writes_all_results(self):
+        output = self.offline(self.kitti, "out")
+        self.assertEqual(sorted(os.listdir(output)), RESULTS)
+        with open(os.path.join(output, "frames.csv")) as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(len(rows), FRAMES)
+        self.assertEqual(rows[1]["stamp_s"], "0.100000000")
+        self.assertEqual(rows[0]["state"], "initializing")
+        for column in ("reason", "points_left", "line_inliers", "rms_px", "detect_ms", "total_ms",
+                       "decode_ms", "rectify_ms"):
+            self.assertIn(column, rows[0])
+        with open(os.path.join(output, "summary.json")) as file:
+            summary = json.load(file)
+        self.assertEqual(summary["frames"], FRAMES)
+        self.assertEqual(sum(summary["states"].values()), FRAMES)
+        self.assertEqual(set(summary["times"]["total_ms"]), {"mean", "median", "p95", "max"})
+        self.assertGreater(summary["peak_memory_MB"], 1.0)
+
+    def test_first_pose_is_identity(self):
+        output = self.offline(self.kitti, "out")
+        first = read(os.path.join(output, "trajectory.kitti")).split(b"\n")[0]
+        self.assertEqual([float(x) for x in first.split()], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0])
+
+    def test_prints_table_and_progress(self):
+        result = self.succeed("offline_odometry", self.kitti, "-o", self.path("out"))
+        self.assertIn("median", result.stdout)
+        self.assertIn("point_inliers", result.stdout)
+        self.assertIn(f"{FRAMES} frames", result.stdout)
+
+    def test_quiet_prints_nothing(self):
+        result = self.succeed("offline_odometry", self.kitti, "-o", self.path("out"), "--quiet")
+        self.assertEqual(result.stdout + result.stderr, "")
+
+    def test_two_runs_give_the_same_bytes(self):
+        first, second = self.offline(self.kitti, "a"), self.offline(self.kitti, "b")
+        self.assertSameFile("trajectory.tum", first, second)
+        self.assertSameFile("trajectory.kitti", first, second)
+
+    def test_bag_and_folder_give_the_same_bytes(self):
+        for compression in ("none", "lz4", "bz2"):
+            bag = self.path(compression + ".bag")
+            self.succeed("dataset_to_bag", self.kitti, bag, "--quiet", "--compression", compression)
+            self.assertSameFile("trajectory.kitti", self.offline(self.kitti, "a"),
+                                self.offline(bag, "b"))
+
+    def test_max_frames(self):
+        output = self.offline(self.kitti, "out", "--max-frames", 2)
+        self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), 2)
+
+    def test_features_images(self):
+        output = self.offline(self.kitti, "out", "--features-images", 2)
+        self.assertEqual(sorted(os.listdir(os.path.join(output, "features"))),
+                         ["000000.png", "000002.png"])
+
+    def test_replaces_older_results(self):
+        self.offline(self.kitti, "out", "--features-images", 1)
+        output = self.offline(self.kitti, "out", "--features-images", 2, "--max-frames", 2)
+        self.assertEqual(sorted(os.listdir(output)), ["features"] + RESULTS)
+        self.assertEqual(os.listdir(os.path.join(output, "features")), ["000000.png"])
+
+    def test_settings_are_stronger_than_the_file(self):
+        config = self.path("config.yaml")
+        write(config, "odom_frame_id: odom\nlines:\n  enabled: false\npoints:\n  enabled: true\n")
+        output = self.offline(self.kitti, "out", "--config", config,
+                              "--set", "points/enabled=false", "--set", "lines/enabled=true")
+        with open(os.path.join(output, "frames.csv")) as file:
+            row = next(csv.DictReader(file))
+        self.assertEqual(row["points_left"], "0")
+        self.assertNotEqual(row["lines_left"], "0")
+
+    def test_print_parameters(self):
+        table = self.succeed("offline_odometry", "--print-parameters").stdout
+        self.assertTrue(table.startswith("| name | default | range | unit | meaning |\n|---"))
+        self.assertIn("| `points/cell_size_px` |", table)
+        self.assertEqual({line.count("|") for line in table.splitlines()}, {6})
+
+    def test_help(self):
+        self.assertIn("usage: offline_odometry INPUT -o DIR",
+                      self.succeed("offline_odometry", "--help").stdout)
+
+    def test_refuses_bad_arguments(self):
+        output = self.path("out")
+        self.refuse("--help", "offline_odometry", self.kitti, "-o", output, "--colour")
+        self.refuse("no input", "offline_odometry", "-o", output)
+        self.refuse("-o DIR", "offline_odometry", self.kitti)
+        for option in (["--max-frames", "0"], ["--max-frames=-1"], ["--max-frames", "many"],
+                       ["--features-images", "0"], ["--approximate-sync", "nan"]):
+            name = option[0].split("=")[0]
+            self.refuse(name, "offline_odometry", self.kitti, "-o", output, *option)
+
+    def test_refuses_bad_parameters(self):
+        def refuse(words, *options):
+            self.refuse(words, "offline_odometry", self.kitti, "-o", self.path("out"), *options)
+        refuse("'nothing/here'", "--set", "nothing/here=1")
+        refuse("points/levels", "--set", "points/levels=1.5")
+        refuse("points/levels is 99", "--set", "points/levels=99")
+        refuse("true or false", "--set", "lines/enabled=yes")
+        refuse("name=value", "--set", "lines/enabled")
+        refuse("gone.yaml", "--config", self.path("gone.yaml"))
+        refuse("does not exist", "--config", self.root)
+        write(self.path("bad.yaml"), "points:\n  cells: 3\n")
+        refuse(["bad.yaml", "points/cells"], "--config", self.path("bad.yaml"))
+        write(self.path("broken.yaml"), "points: [1, 2\n")
+        refuse("broken.yaml", "--config", self.path("broken.yaml"))
+
+    def test_refuses_bad_folders(self):
+        def refuse(words):
+            self.refuse(words, "offline_odometry", self.kitti, "-o", self.path("out"))
+        cut_off(os.path.join(self.kitti, "image_1", "000002.png"))
+        refuse(["000002.png", "cannot be decoded"])
+        os.remove(os.path.join(self.kitti, "image_1", "000002.png"))
+        refuse(["is truncated", "image_1 3"])
+        shutil.rmtree(self.kitti)
+        refuse("does not exist")
+        os.mkdir(self.kitti)
+        refuse("holds no data set")
+
+    def test_leaves_older_results_alone_when_it_fails(self):
+        output = self.offline(self.kitti, "out", "--features-images", 1)
+        before = read(os.path.join(output, "frames.csv"))
+        cut_off(os.path.join(self.kitti, "image_0", "000003.png"))
+        self.refuse("000003.png", "offline_odometry", self.kitti, "-o", output, "--quiet",
+                    "--features-images", 1)
+        self.assertEqual(read(os.path.join(output, "frames.csv")), before)
+
+    def test_refuses_output_that_cannot_be_written(self):
+        self.refuse("calib.txt", "offline_odometry", self.kitti, "-o",
+                    os.path.join(self.kitti, "calib.txt", "out"))
+
+
+class BagInputTest(ToolTest):
+    def refuse_bag(self, words, bag, *options):
+        self.refuse(words, "offline_odometry", bag, "-o", self.path("out"), "--quiet", *options)
+
+    def test_refuses_what_is_no_bag(self):
+        write(self.path("text.bag"), "no bag")
+        self.refuse_bag(["text.bag", "cannot be read"], self.path("text.bag"))
+        write(self.path("empty.bag"), "")
+        self.refuse_bag(["empty.bag", "cannot be read"], self.path("empty.bag"))
+        self.refuse_bag(["gone.bag", "does not exist"], self.path("gone.bag"))
+
+    def test_refuses_bag_that_is_cut_off(self):
+        bag = self.make_bag()
+        cut_off(bag)
+        self.refuse_bag(["made.bag", "rosbag reindex"], bag)
+
+    def test_refuses_bag_with_damaged_images(self):
+        bag = self.path("lz4.bag")
+        self.succeed("dataset_to_bag", self.kitti, bag, "--quiet", "--compression", "lz4")
+        content = bytearray(read(bag))
+        for i in range(len(content) // 2, len(content) // 2 + 50):
+            content[i] ^= 0x55
+        with open(bag, "wb") as file:
+            file.write(content)
+        self.refuse_bag("lz4.bag", bag)
+
+    def test_refuses_bag_without_the_right_camera(self):
+        self.refuse_bag(["--left-topic", "/stereo/left/image_rect"],
+                        self.make_bag(lambda t, m: [] if "right" in t else [(t, m)]))
+
+    def test_refuses_bag_without_camera_info(self):
+        self.refuse_bag("/stereo/left/camera_info",
+                        self.make_bag(lambda t, m: [] if "camera_info" in t else [(t, m)]))
+
+    def test_refuses_topic_that_is_not_there(self):
+        self.refuse_bag(["'/nix/left/image'", "/stereo/left/image_rect"], self.make_bag(),
+                        "--left-topic", "/nix/left/image")
+
+    def test_refuses_bag_with_two_pairs_unless_one_is_named(self):
+        bag = self.make_bag(lambda t, m: [("/a" + t, m), ("/b" + t, m)])
+        self.refuse_bag(["several stereo pairs", "/b/stereo/left/image_rect"], bag)
+        output = self.offline(bag, "out", "--left-topic", "/b/stereo/left/image_rect")
+        self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), FRAMES)
+
+    def test_finds_the_only_pair_in_another_name_space(self):
+        bag = self.make_bag(lambda t, m: [("/robot" + t, m)])
+        self.assertSameFile("trajectory.kitti", self.offline(bag, "a"),
+                            self.offline(self.kitti, "b"))
+
+    def test_pairs_by_stamps(self):
+        def later(topic, message):
+            if topic.endswith("right/image_rect"):
+                message.header.stamp.nsecs += 1000000
+            return [(topic, message)]
+        bag = self.make_bag(later)
+        self.refuse_bag("--approximate-sync", bag)
+        output = self.offline(bag, "out", "--approximate-sync", 0.002)
+        self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), FRAMES)
+
+    def test_passes_over_images_without_partner(self):
+        seen = []
+
+        def drop(topic, message):
+            seen.append(topic)
+            lonely = topic.endswith("right/image_rect") and seen.count(topic) == 2
+            return [] if lonely else [(topic, message)]
+        output = self.offline(self.make_bag(drop), "out")
+        with open(os.path.join(output, "summary.json")) as file:
+            summary = json.load(file)
+        self.assertEqual((summary["frames"], summary["unpaired_images"]), (FRAMES - 1, 1))
+
+    def test_refuses_unknown_encoding(self):
+        def bayer(topic, message):
+            if "image" in topic:
+                message.encoding = "bayer_rggb8"
+            return [(topic, message)]
+        self.refuse_bag("bayer_rggb8", self.make_bag(bayer))
+
+    def test_refuses_uncalibrated_camera(self):
+        def uncalibrated(topic, message):
+            if "camera_info" in topic:
+                message.P = [0.0] * 12
+            return [(topic, message)]
+        self.refuse_bag(["camera_info", "P"], self.make_bag(uncalibrated))
+
+    def test_refuses_changing_calibration(self):
+        def changing(topic, message):
+            if "camera_info" in topic and message.header.stamp.to_sec() > 1.25:
+                message.P = [2.0 * p for p in message.P]
+            return [(topic, message)]
+        self.refuse_bag("changes its calibration", self.make_bag(changing))
+
+
+class DatasetToBagTest(ToolTest):
+    def test_content(self):
+        result = self.succeed("dataset_to_bag", self.kitti, self.path("out.bag"))
+        self.assertIn("shifted by 1 s", result.stdout)
+        self.assertEqual(os.listdir(self.root).count("out.bag.part"), 0)
+        messages = {}
+        with rosbag.Bag(self.path("out.bag")) as bag:
+            for topic, message, stamp in bag.read_messages():
+                messages.setdefault(topic, []).append(message)
+                if topic.startswith("/stereo"):
+                    self.assertEqual(stamp, message.header.stamp)
+            latched = {c.topic for c in bag._get_connections() if c.header.get("latching") == b"1"}
+        self.assertEqual(latched, {"/tf_static", "/ground_truth/path"})
+        for side in ("left", "right"):
+            images = messages[f"/stereo/{side}/image_rect"]
+            infos = messages[f"/stereo/{side}/camera_info"]
+            self.assertEqual((len(images), len(infos)), (FRAMES, FRAMES))
+            self.assertEqual(images[1].header.stamp.to_nsec(), 1100000000)
+            self.assertEqual(infos[1].header.stamp.to_nsec(), 1100000000)
+            self.assertEqual(images[0].encoding, "mono8")
+            self.assertEqual((images[0].width, images[0].height), (WIDTH, HEIGHT))
+            self.assertEqual(images[0].header.frame_id, f"{side}_camera")
+            self.assertEqual(infos[0].R, (1, 0, 0, 0, 1, 0, 0, 0, 1))
+            self.assertEqual(infos[0].K[0], FOCAL_PX)
+        self.assertEqual(messages["/stereo/right/camera_info"][0].P[3], -FOCAL_PX * BASELINE_M)
+        self.check_tf(messages["/tf_static"][0].transforms)
+        self.check_path(messages["/ground_truth/path"][0])
+
+    def check_tf(self, transforms):
+        names = [(t.header.frame_id, t.child_frame_id) for t in transforms]
+        self.assertEqual(names, [("base_link", "left_camera"), ("left_camera", "right_camera")])
+        q = transforms[0].transform.rotation
+        self.assertEqual((q.x, q.y, q.z, q.w), (-0.5, 0.5, -0.5, 0.5))
+        self.assertAlmostEqual(transforms[1].transform.translation.x, BASELINE_M)
+
+    def check_path(self, path):
+        self.assertEqual((path.header.frame_id, len(path.poses)), ("odom", FRAMES))
+        last = path.poses[-1].pose.position  # to the right of the camera is -y of the base
+        self.assertAlmostEqual(last.x, 0.0)
+        self.assertAlmostEqual(last.y, -0.12 * (FRAMES - 1))
+        self.assertAlmostEqual(path.poses[0].pose.orientation.w, 1.0)
+
+    def test_options(self):
+        self.succeed("dataset_to_bag", self.kitti, self.path("out.bag"), "--quiet",
+                     "--namespace", "/car/front/", "--compression", "bz2", "--max-frames", 2)
+        with rosbag.Bag(self.path("out.bag")) as bag:
+            topics = bag.get_type_and_topic_info().topics
+            self.assertEqual(topics["/car/front/left/image_rect"].message_count, 2)
+            self.assertEqual(bag.get_compression_info().compression, "bz2")
+
+    def test_help(self):
+        self.assertIn("usage: dataset_to_bag DATASET OUT.bag",
+                      self.succeed("dataset_to_bag", "--help").stdout)
+
+    def test_refuses_bad_input(self):
+        bag = self.path("out.bag")
+        self.refuse("no data set", "dataset_to_bag")
+        self.refuse("no bag", "dataset_to_bag", self.kitti)
+        self.refuse("--help", "dataset_to_bag", self.kitti, bag, "--colour")
+        self.refuse("'zip'", "dataset_to_bag", self.kitti, bag, "--compression", "zip")
+        self.refuse("--max-frames", "dataset_to_bag", self.kitti, bag, "--max-frames", 0)
+        self.refuse("name space", "dataset_to_bag", self.kitti, bag, "--namespace", "a b")
+        self.refuse("cannot be written", "dataset_to_bag", self.kitti, self.path("nix", "out.bag"))
+        self.refuse("does not exist", "dataset_to_bag", self.path("nix"), bag)
+        self.refuse("cannot be written", "dataset_to_bag", self.kitti, self.kitti)
+
+    def test_failure_leaves_the_older_bag(self):
+        bag = self.make_bag()
+        before = read(bag)
+        cut_off(os.path.join(self.kitti, "image_0", "000003.png"))
+        self.refuse("000003.png", "dataset_to_bag", self.kitti, bag, "--quiet")
+        self.assertEqual(read(bag), before)
+
+    def test_bag_of_a_run_that_was_killed_is_refused_with_the_cure(self):
+        part = self.path("killed.bag.part")
+        command = [find_program("dataset_to_bag"), data_folder("rendered_town"),
+                   self.path("killed.bag"), "--compression", "bz2", "--quiet"]
+        with subprocess.Popen(command) as process:
+            deadline = time.monotonic() + 30.0
+            while not (os.path.exists(part) and os.path.getsize(part) > 1000000):
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.01)
+            process.kill()
+        self.assertFalse(os.path.exists(self.path("killed.bag")))
+        self.refuse(["was not closed", "rosbag reindex"], "offline_odometry", part,
+                    "-o", self.path("out"))
+
+
+class RealDataTest(ToolTest):
+    def check(self, name):
+        folder = data_folder(name)
+        bag = self.path("real.bag")
+        self.succeed("dataset_to_bag", folder, bag, "--max-frames", 12, "--quiet")
+        first = self.offline(folder, "a", "--max-frames", 12)
+        second = self.offline(folder, "b", "--max-frames", 12)
+        from_bag = self.offline(bag, "c")
+        self.assertSameFile("trajectory.kitti", first, second)
+        self.assertSameFile("trajectory.kitti", first, from_bag)
+        with open(os.path.join(first, "summary.json")) as file:
+            self.assertEqual(json.load(file)["states"], {"initializing": 1, "ok": 11})
+
+    def test_kitti(self):
+        self.check("kitti_06_000-050")
+
+    def test_euroc(self):
+        self.check("euroc_MH_01_000-099")
+
+
+if __name__ == "__main__":
+    own = [argument for argument in sys.argv[1:] if not argument.startswith("--gtest_output")]
+    unittest.main(argv=sys.argv[:1] + own)

@@ -1,0 +1,97 @@
+#include "point_line_odometry/trajectory.h"
+
+#include <gtest/gtest.h>
+
+#include <locale>
+#include <sstream>
+
+namespace point_line_odometry {
+namespace {
+
+/// Numbers as many people write them: 1.000,5
+struct CommaNumbers : std::numpunct<char> {
+  char do_decimal_point() const override { return ','; }
+  char do_thousands_sep() const override { return '.'; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
+StampedPose makePose(std::int64_t stamp_ns, const Eigen::Vector3d& translation,
+                     const Eigen::Quaterniond& rotation) {
+  StampedPose pose;
+  pose.stamp_ns = stamp_ns;
+  pose.T_world_camera.linear() = rotation.toRotationMatrix();
+  pose.T_world_camera.translation() = translation;
+  return pose;
+}
+
+std::string tum(const std::vector<StampedPose>& trajectory) {
+  std::ostringstream out;
+  writeTum(out, trajectory);
+  return out.str();
+}
+
+std::string kitti(const std::vector<StampedPose>& trajectory) {
+  std::ostringstream out;
+  writeKitti(out, trajectory);
+  return out.str();
+}
+
+/// A quarter turn about y: z of the camera points along x.
+const Eigen::Quaterniond kQuarterTurn(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
+
+TEST(WriteTum, WritesStampPositionAndQuaternion) {
+  EXPECT_EQ(tum({makePose(1403636584763555584, {1.5, -2.25, 1e-3}, kQuarterTurn)}),
+            "1403636584.763555584 1.500000000 -2.250000000 0.001000000 "
+            "0.000000000 0.707106781 0.000000000 0.707106781\n");
+}
+
+TEST(WriteTum, KeepsLeadingZerosOfTheFraction) {
+  EXPECT_EQ(tum({makePose(5, {0, 0, 0}, Eigen::Quaterniond::Identity())}).substr(0, 12),
+            "0.000000005 ");
+}
+
+TEST(WriteTum, HasNoNegativeZeroAndNoNegativeW) {
+  const Eigen::Quaterniond three_quarters(Eigen::AngleAxisd(1.5 * M_PI, Eigen::Vector3d::UnitY()));
+  EXPECT_EQ(tum({makePose(0, {-0.0, 0, 0}, three_quarters)}),
+            "0.000000000 0.000000000 0.000000000 0.000000000 "
+            "0.000000000 -0.707106781 0.000000000 0.707106781\n");
+}
+
+TEST(WriteKitti, WritesRowMajorMatrix) {
+  const std::vector<StampedPose> trajectory = {
+      makePose(0, {0, 0, 0}, Eigen::Quaterniond::Identity()),
+      makePose(1, {1, -2, 1234.5}, Eigen::Quaterniond::Identity())};
+  EXPECT_EQ(kitti(trajectory),
+            "1.000000000e+00 0.000000000e+00 0.000000000e+00 0.000000000e+00 "
+            "0.000000000e+00 1.000000000e+00 0.000000000e+00 0.000000000e+00 "
+            "0.000000000e+00 0.000000000e+00 1.000000000e+00 0.000000000e+00\n"
+            "1.000000000e+00 0.000000000e+00 0.000000000e+00 1.000000000e+00 "
+            "0.000000000e+00 1.000000000e+00 0.000000000e+00 -2.000000000e+00 "
+            "0.000000000e+00 0.000000000e+00 1.000000000e+00 1.234500000e+03\n");
+}
+
+TEST(WriteTrajectory, DoesNotDependOnTheLocale) {
+  const std::vector<StampedPose> trajectory = {makePose(5000000000, {1234.5, 0, 0}, kQuarterTurn)};
+  const std::string tum_before = tum(trajectory);
+  const std::string kitti_before = kitti(trajectory);
+  const std::locale before =
+      std::locale::global(std::locale(std::locale::classic(), new CommaNumbers));
+  const std::string tum_after = tum(trajectory);
+  const std::string kitti_after = kitti(trajectory);
+  std::locale::global(before);
+  EXPECT_EQ(tum_after, tum_before);
+  EXPECT_EQ(kitti_after, kitti_before);
+}
+
+TEST(WriteTrajectory, WritesNothingForNoPoses) {
+  EXPECT_EQ(tum({}), "");
+  EXPECT_EQ(kitti({}), "");
+}
+
+}  // namespace
+}  // namespace point_line_odometry
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
