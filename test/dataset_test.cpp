@@ -386,8 +386,3 @@ TEST_F(EurocDatasetTest, RefusesGroundTruthWithoutOrientation) {
 
 }  // namespace
 }  // namespace point_line_odometry
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

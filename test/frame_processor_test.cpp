@@ -269,12 +269,16 @@ TEST(FrameMessages, CloudHoldsTheInliers) {
 }
 
 TEST(FrameMessages, MarkersTellInliersFromOutliers) {
-  const auto markers = toLineMarkers(makeFrame());
+  ProcessedFrame frame = makeFrame();
+  const auto markers = toLineMarkers(frame);
   ASSERT_EQ(markers.markers.size(), 2U);
   EXPECT_EQ(markers.markers[0].ns, "inliers");
   EXPECT_EQ(markers.markers[0].points.size(), 2U);
   EXPECT_EQ(markers.markers[0].header.frame_id, "camera");
   EXPECT_EQ(markers.markers[1].ns, "outliers");
+  EXPECT_EQ(markers.markers[1].action, visualization_msgs::Marker::ADD);
+  frame.result.lines.pop_back();
+  EXPECT_EQ(toLineMarkers(frame).markers[1].action, visualization_msgs::Marker::DELETE);
 }
 
 TEST(FrameMessages, LandmarksAreNearInliersInOdom) {
@@ -288,7 +292,7 @@ TEST(FrameMessages, LandmarksAreNearInliersInOdom) {
 TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
   ProcessedFrame frame = makeFrame();
   frame.result.counts.line_matches = 17;
-  const StereoFeaturesMessage features = toFeatures(frame);
+  const StereoFeatures features = toFeatures(frame);
   ASSERT_EQ(features.points.size(), 2U);
   EXPECT_EQ(features.points[0].left_u, 100.0F);
   EXPECT_TRUE(features.points[0].inlier);

@@ -286,8 +286,3 @@ TEST(StereoRectifierTest, RefusesUnusableCalibration) {
 
 }  // namespace
 }  // namespace point_line_odometry
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -90,8 +90,3 @@ TEST(WriteTrajectory, WritesNothingForNoPoses) {
 
 }  // namespace
 }  // namespace point_line_odometry
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

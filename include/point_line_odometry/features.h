@@ -34,7 +34,7 @@ struct LineFeature {
 };
 
 /// Everything detected in one stereo frame; pixels of the rectified images.
-struct StereoFeatures {
+struct DetectedFeatures {
   std::vector<PointFeature> points_left;
   std::vector<PointFeature> points_right;
   std::vector<LineFeature> lines_left;

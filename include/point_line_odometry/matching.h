@@ -21,15 +21,16 @@ struct IndexPair {
 
 /// A point seen in both images of one stereo frame.
 struct StereoPoint {
-  int left = -1;   ///< index into StereoFeatures::points_left
-  int right = -1;  ///< index into StereoFeatures::points_right
+  int left = -1;   ///< index into DetectedFeatures::points_left
+  int right = -1;  ///< index into DetectedFeatures::points_right
+  Eigen::Vector2f right_px = Eigen::Vector2f::Zero();  ///< sub-pixel place in the right image, as seen
   TriangulatedPoint triangulated;
 };
 
 /// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the epipolar direction.
 struct StereoLine {
-  int left = -1;   ///< index into StereoFeatures::lines_left
-  int right = -1;  ///< index into StereoFeatures::lines_right
+  int left = -1;   ///< index into DetectedFeatures::lines_left
+  int right = -1;  ///< index into DetectedFeatures::lines_right
   std::optional<TriangulatedLine> triangulated;
 };
 
@@ -37,7 +38,7 @@ struct StereoLine {
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
   StereoImages images;  ///< own copies: sub-pixel matching of the next frame looks at them
-  StereoFeatures features;
+  DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
 };
@@ -59,7 +60,7 @@ struct StereoMatches {
 };
 
 /// Both of the above.
-StereoMatches matchStereo(const StereoFeatures& features, const MatchingParameters& parameters);
+StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters);
 
 /// Where features are expected in frame k, and how far from there they are looked for.
 struct MotionPrediction {

@@ -9,7 +9,7 @@ namespace point_line_odometry {
 struct PointParameters {
   bool enabled = true;
   int cell_size_px = 50;
-  int max_per_cell = 8;
+  int max_per_cell = 20;
   int levels = 1;
   double scale_factor = 1.2;
   int fast_threshold = 7;
@@ -62,6 +62,7 @@ struct TrackingParameters {
   double max_prediction_s = 0.5;
   double max_speed_m_s = 60.0;
   double max_turn_rate_deg_s = 400.0;
+  bool refine_calibration = true;
 };
 
 /// All settings of the core.
@@ -146,6 +147,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/max_speed_m_s", p.tracking.max_speed_m_s, 0.01, 1000.0, "m/s", "faster estimates are rejected");
   visit("tracking/max_turn_rate_deg_s", p.tracking.max_turn_rate_deg_s, 1.0, 10000.0, "deg/s",
         "faster rotations are rejected");
+  visit("tracking/refine_calibration", p.tracking.refine_calibration,
+        "estimate and correct a small smooth displacement of the right image against its calibration");
 }
 
 /// One sentence for each parameter that is out of its range, not a finite number or not among its choices; empty if all are fine.

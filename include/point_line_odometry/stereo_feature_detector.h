@@ -15,7 +15,7 @@ class StereoFeatureDetector {
   StereoFeatureDetector(const PointParameters& points, const LineParameters& lines);
 
   /// The same result whatever the number of threads. Images must be CV_8UC1.
-  StereoFeatures detect(const StereoImages& images);
+  DetectedFeatures detect(const StereoImages& images);
 
  private:
   struct MonoFeatures {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/features.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
@@ -133,6 +134,9 @@ class StereoOdometry {
   const StereoCamera& camera() const { return camera_; }
   const Parameters& parameters() const { return parameters_; }
 
+  /// Displacement of the right image against its calibration, as estimated so far.
+  const RightImageCorrection& correction() const { return refinement_.correction(); }
+
  private:
   /// What the images say about the motion since the reference frame.
   struct Measurement {
@@ -163,11 +167,13 @@ class StereoOdometry {
   void integratePrediction(const StereoFrame& curr, double dt_s);
   void takeReference(StereoFrame curr, const Measurement& measurement);
   void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
+  void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
   void startNewReference();
 
   StereoCamera camera_;
   Parameters parameters_;
   StereoFeatureDetector detector_;
+  CalibrationRefinement refinement_;
 
   // State.
   TrackingState state_ = TrackingState::kInitializing;

@@ -236,7 +236,7 @@ struct EurocCamera {
 
 template <typename T>
 std::vector<T> readYaml(const YAML::Node& node, const char* name, std::size_t count) {
-  const auto numbers = node && node.IsSequence() ? node.as<std::vector<T>>() : std::vector<T>();
+  auto numbers = node && node.IsSequence() ? node.as<std::vector<T>>() : std::vector<T>();
   if (numbers.size() == count) return numbers;
   std::ostringstream text;
   text << name << " has " << numbers.size() << " numbers, but must have " << count;
@@ -356,7 +356,7 @@ StereoDataset StereoDataset::openEuroc(const std::string& folder) {
   const EurocCamera left = readEurocCamera(path / "cam0" / "sensor.yaml");
   const EurocCamera right = readEurocCamera(path / "cam1" / "sensor.yaml");
   dataset.calibration_ = withCalibrationFile(path / "cam1" / "sensor.yaml", [&] {
-    const StereoCalibration rectified = rectifyCalibration(
+    StereoCalibration rectified = rectifyCalibration(
         {left.calibration, right.calibration}, right.T_body_camera.inverse() * left.T_body_camera);
     rectifiedCamera(rectified);
     return rectified;

@@ -206,7 +206,7 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
   return pairs;
 }
 
-StereoMatches matchStereo(const StereoFeatures& features, const MatchingParameters& parameters) {
+StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters) {
   return {matchPointsStereo(features.points_left, features.points_right, parameters),
           matchLinesStereo(features.lines_left, features.lines_right, parameters)};
 }

@@ -18,10 +18,15 @@ LineTriangulationLimits lineLimits(const Parameters& parameters) {
   return limits;
 }
 
+LineSegment corrected(const LineSegment& right, const RightImageCorrection& correction) {
+  return {correction.apply(right.start.cast<double>()).cast<float>(),
+          correction.apply(right.end.cast<double>()).cast<float>()};
+}
+
 }  // namespace
 
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const Parameters& parameters,
-                        StereoFrame* frame) {
+void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const RightImageCorrection& correction,
+                        const Parameters& parameters, StereoFrame* frame) {
   for (const IndexPair& match : matches.points) {
     const PointFeature& left = frame->features.points_left[match.first];
     Eigen::Vector2f right_px = frame->features.points_right[match.second].pixel;
@@ -30,22 +35,23 @@ void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera
       if (!aligned) continue;
       right_px = *aligned;
     }
+    const Eigen::Vector2d corrected = correction.apply(right_px.cast<double>());
     const auto triangulated =
-        triangulatePoint(camera, left.pixel.cast<double>(), right_px.x(), pointSigma(left, parameters),
+        triangulatePoint(camera, left.pixel.cast<double>(), corrected.x(), pointSigma(left, parameters),
                          parameters.matching.min_disparity_px);
-    if (triangulated) frame->points.push_back({match.first, match.second, *triangulated});
+    if (triangulated) frame->points.push_back({match.first, match.second, right_px, *triangulated});
   }
   const LineTriangulationLimits limits = lineLimits(parameters);
   for (const IndexPair& match : matches.lines) {
     frame->lines.push_back({match.first, match.second,
                             triangulateLine(camera, frame->features.lines_left[match.first].segment,
-                                            frame->features.lines_right[match.second].segment,
+                                            corrected(frame->features.lines_right[match.second].segment, correction),
                                             parameters.motion.line_noise_px, limits)});
   }
 }
 
 Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr, const CircularMatches& matches,
-                                    const Parameters& parameters) {
+                                    const RightImageCorrection& correction, const Parameters& parameters) {
   Correspondences correspondences;
   for (const IndexPair& match : matches.points) {
     const StereoPoint& before = prev.points[match.first];
@@ -61,14 +67,14 @@ Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& 
     point.p_prev = before.triangulated.p_camera;
     point.covariance = before.triangulated.covariance;
     point.left_px = left_px.cast<double>();
-    point.right_px = right_px.cast<double>();
+    point.right_px = correction.apply(right_px.cast<double>());
     point.sigma_px = pointSigma(reference, parameters);
     correspondences.points.push_back(point);
   }
   for (const IndexPair& match : matches.lines) {
     const StereoLine& before = prev.lines[match.first];
     const LineSegment& left = curr.features.lines_left[curr.lines[match.second].left].segment;
-    const LineSegment& right = curr.features.lines_right[curr.lines[match.second].right].segment;
+    const LineSegment right = corrected(curr.features.lines_right[curr.lines[match.second].right].segment, correction);
     LineCorrespondence line;
     line.start_prev = before.triangulated->start_camera;
     line.end_prev = before.triangulated->end_camera;

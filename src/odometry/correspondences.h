@@ -1,5 +1,6 @@
 #pragma once
 
+#include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/parameters.h"
@@ -9,13 +10,14 @@ namespace point_line_odometry {
 
 /// Fills the points and lines of a frame from its stereo matches: sub-pixel disparity if asked for, place in space and
 /// covariance. Points that cannot be triangulated are left out; lines stay without a place.
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const Parameters& parameters,
-                        StereoFrame* frame);
+/// \param correction of the right image, applied to what is seen there.
+void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const RightImageCorrection& correction,
+                        const Parameters& parameters, StereoFrame* frame);
 
 /// What the estimator needs of circular matches: places in frame k-1 and (sub-)pixels in frame k. Element i of the points and
 /// lines belongs to element i of the matches.
 Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr, const CircularMatches& matches,
-                                    const Parameters& parameters);
+                                    const RightImageCorrection& correction, const Parameters& parameters);
 
 /// Numbers of detected, stereo-matched and untriangulable features.
 FrameCounts countFeatures(const StereoFrame& frame);

@@ -57,7 +57,8 @@ TrackingReason reasonOf(MotionStatus status) {
 StereoOdometry::StereoOdometry(const StereoCamera& camera, const Parameters& parameters)
     : camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
-      detector_(parameters.points, parameters.lines) {}
+      detector_(parameters.points, parameters.lines),
+      refinement_(camera) {}
 
 FrameResult StereoOdometry::process(const StereoImages& images) {
   const auto begin = std::chrono::steady_clock::now();
@@ -82,6 +83,7 @@ FrameResult StereoOdometry::process(const StereoImages& images) {
   measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kFirstFrame;
   if (reference_ && !gap) measurement = measure(curr, &result.times);
   report(curr, measurement, &result);
+  if (parameters_.tracking.refine_calibration) refineCalibration(curr, measurement);
 
   if (measurement.reason == TrackingReason::kNone) {
     integrateMeasurement(measurement, curr);
@@ -123,7 +125,7 @@ StereoFrame StereoOdometry::makeFrame(const StereoImages& images, StageTimes* ti
     matches = matchStereo(frame.features, parameters_.matching);
   }
   const StageTimer timer(times, Stage::kTriangulate);
-  triangulateMatches(matches, camera_, parameters_, &frame);
+  triangulateMatches(matches, camera_, refinement_.correction(), parameters_, &frame);
   return frame;
 }
 
@@ -139,7 +141,7 @@ StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr, Sta
   {
     const StageTimer timer(times, Stage::kMatchCircular);
     measurement.matches = matchCircular(*reference_, curr, camera_, prediction, parameters_.matching);
-    measurement.correspondences = makeCorrespondences(*reference_, curr, measurement.matches, parameters_);
+    measurement.correspondences = makeCorrespondences(*reference_, curr, measurement.matches, refinement_.correction(), parameters_);
   }
   {
     const StageTimer timer(times, Stage::kEstimate);
@@ -168,7 +170,7 @@ MotionEstimate StereoOdometry::fuseWithTwoFrameEstimate(const StereoFrame& curr,
   const CircularMatches matches =
       matchCircular(prev2, curr, camera_, {expected, parameters_.matching.search_radius_px}, parameters_.matching);
   const MotionEstimate over_two =
-      estimateMotion(makeCorrespondences(prev2, curr, matches, parameters_), camera_, expected, parameters_.motion);
+      estimateMotion(makeCorrespondences(prev2, curr, matches, refinement_.correction(), parameters_), camera_, expected, parameters_.motion);
   if (!over_two.ok()) return measurement.motion;
   return fuseRotation(measurement.motion, over_two.T_curr_prev, T_prev_prev2, measurement.correspondences, camera_,
                       parameters_.motion);
@@ -200,6 +202,19 @@ void StereoOdometry::integratePrediction(const StereoFrame& curr, double dt_s) {
                                        predictionCovariance(velocity, !hold, dt_s, unmeasured_s));
   T_odom_camera_ = T_odom_camera_ * T_prev_curr;
   state_ = hold ? TrackingState::kLost : TrackingState::kDegraded;
+}
+
+void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measurement& measurement) {
+  if (!parameters_.matching.refine_subpixel) return;  // whole pixels say nothing about small displacements
+  std::vector<CalibrationRefinement::RowSample> rows;
+  rows.reserve(curr.points.size());
+  for (const StereoPoint& point : curr.points) {
+    const Eigen::Vector2f& left_px = curr.features.points_left[point.left].pixel;
+    rows.push_back({point.right_px.cast<double>(), static_cast<double>(point.right_px.y() - left_px.y())});
+  }
+  refinement_.addRows(rows, parameters_.motion.point_noise_px);
+  if (measurement.reason != TrackingReason::kNone) return;
+  refinement_.addMotion(measurement.correspondences, measurement.motion, parameters_.motion);
 }
 
 void StereoOdometry::takeReference(StereoFrame curr, const Measurement& measurement) {
@@ -238,6 +253,7 @@ void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) {
 void StereoOdometry::setCamera(const StereoCamera& camera) {
   camera.validate();
   camera_ = camera;
+  refinement_ = CalibrationRefinement(camera);
   startNewReference();
 }
 

@@ -14,6 +14,9 @@ namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
+using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using RowMajor34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+
 /// How an encoding is laid out in memory and how it becomes grey.
 struct PixelFormat {
   const char* encoding;
@@ -150,8 +153,6 @@ void applyWindow(const sensor_msgs::CameraInfo& info, Matrix* projection) {
 }
 
 CameraCalibration toCalibration(const sensor_msgs::CameraInfo& info) {
-  using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  using RowMajor34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
   CameraCalibration camera;
   camera.width = static_cast<int>((info.roi.width > 0 ? info.roi.width : info.width) /
                                   std::max(1U, info.binning_x));
@@ -195,8 +196,8 @@ cv::Mat toGray(const sensor_msgs::Image& image) {
   checkLayout(image, format);
   // cv::Mat has no read-only view; nothing below writes to it.
   auto* pixels = const_cast<std::uint8_t*>(image.data.data());
-  const cv::Mat shared(static_cast<int>(image.height), static_cast<int>(image.width),
-                       format.cv_type, pixels, image.step);
+  cv::Mat shared(static_cast<int>(image.height), static_cast<int>(image.width), format.cv_type,
+                 pixels, image.step);
   if (format.to_gray == kShared) return shared;
   cv::Mat gray;
   if (format.to_gray == kHighByte) {
@@ -220,7 +221,7 @@ StereoImages toStereoImages(const sensor_msgs::Image& left, const sensor_msgs::I
 
 StereoCalibration toStereoCalibration(const sensor_msgs::CameraInfo& left,
                                       const sensor_msgs::CameraInfo& right) {
-  const StereoCalibration calibration{toCalibration(left), toCalibration(right)};
+  StereoCalibration calibration{toCalibration(left), toCalibration(right)};
   checkProjection("left", calibration.left);
   checkProjection("right", calibration.right);
   checkPair(calibration);
@@ -235,15 +236,9 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration,
   info.height = static_cast<std::uint32_t>(calibration.height);
   info.distortion_model = calibration.distortion_model;
   info.D = calibration.D;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      info.K[static_cast<std::size_t>(3 * row + column)] = calibration.K(row, column);
-      info.R[static_cast<std::size_t>(3 * row + column)] = calibration.R(row, column);
-    }
-    for (int column = 0; column < 4; ++column) {
-      info.P[static_cast<std::size_t>(4 * row + column)] = calibration.P(row, column);
-    }
-  }
+  Eigen::Map<RowMajor3>(info.K.data()) = calibration.K;
+  Eigen::Map<RowMajor3>(info.R.data()) = calibration.R;
+  Eigen::Map<RowMajor34>(info.P.data()) = calibration.P;
   return info;
 }
 

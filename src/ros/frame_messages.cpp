@@ -160,6 +160,9 @@ visualization_msgs::MarkerArray toLineMarkers(const ProcessedFrame& frame) {
   }
   visualization_msgs::MarkerArray markers;
   markers.markers = {inliers, outliers};
+  for (visualization_msgs::Marker& marker : markers.markers) {
+    if (marker.points.empty()) marker.action = visualization_msgs::Marker::DELETE;
+  }
   return markers;
 }
 
@@ -192,13 +195,13 @@ std::vector<LandmarkSegment> toLandmarks(const ProcessedFrame& frame) {
   return landmarks;
 }
 
-StereoFeaturesMessage toFeatures(const ProcessedFrame& frame) {
+StereoFeatures toFeatures(const ProcessedFrame& frame) {
   const Eigen::Isometry3f T_header_camera = toFloat(frame.T_header_camera);
-  StereoFeaturesMessage features;
+  StereoFeatures features;
   features.header = frame.header;
   features.points.reserve(frame.result.points.size());
   for (const ObservedPoint& observed : frame.result.points) {
-    PointFeatureMessage point;
+    MatchedPoint point;
     point.left_u = observed.left_px.x();
     point.left_v = observed.left_px.y();
     point.right_u = observed.right_px.x();
@@ -209,7 +212,7 @@ StereoFeaturesMessage toFeatures(const ProcessedFrame& frame) {
   }
   features.lines.reserve(frame.result.lines.size());
   for (const ObservedLine& observed : frame.result.lines) {
-    LineFeatureMessage line;
+    MatchedLine line;
     setPixels(observed.left_px, &line.left);
     setPixels(observed.right_px, &line.right);
     line.start = toPoint32(T_header_camera * observed.start_camera);

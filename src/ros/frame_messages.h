@@ -7,6 +7,7 @@
 #include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <point_line_odometry/OdometryInfo.h>
+#include <point_line_odometry/StereoFeatures.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <std_msgs/Header.h>
@@ -20,7 +21,6 @@
 
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/stereo_odometry.h"
-#include "ros/feature_messages.h"
 
 namespace point_line_odometry {
 
@@ -70,7 +70,8 @@ geometry_msgs::TransformStamped toTransformStamped(const ProcessedFrame& frame,
 /// Inlier points: x y z [m] in the frame of the header, intensity of the left image.
 sensor_msgs::PointCloud2 toPointCloud(const ProcessedFrame& frame);
 
-/// Matched segments in the frame of the header: inliers green, outliers red (one marker each).
+/// Matched segments in the frame of the header: inliers green, outliers red. A kind
+/// that is absent is deleted, as rviz takes no empty marker.
 visualization_msgs::MarkerArray toLineMarkers(const ProcessedFrame& frame);
 
 /// Landmarks in odom, blue.
@@ -84,7 +85,7 @@ visualization_msgs::Marker deleteAllMarkers(const std_msgs::Header& header);
 std::vector<LandmarkSegment> toLandmarks(const ProcessedFrame& frame);
 
 /// Matched points and segments; 3-D in the frame of the header.
-StereoFeaturesMessage toFeatures(const ProcessedFrame& frame);
+StereoFeatures toFeatures(const ProcessedFrame& frame);
 
 /// State, counts and times. `latency_ms` is 0 where the clock cannot tell.
 OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, double latency_ms);

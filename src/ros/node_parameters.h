@@ -1,7 +1,7 @@
 #pragma once
 
-#include <xmlrpcpp/XmlRpcValue.h>
 #include <ros/node_handle.h>
+#include <xmlrpcpp/XmlRpcValue.h>
 
 #include <Eigen/Geometry>
 #include <string>

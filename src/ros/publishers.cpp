@@ -36,7 +36,7 @@ Publishers::Publishers(ros::NodeHandle nh, const NodeParameters& parameters)
       path_(nh.advertise<nav_msgs::Path>("path", 1)),
       lines_(nh.advertise<visualization_msgs::MarkerArray>("lines", 1)),
       points_(nh.advertise<sensor_msgs::PointCloud2>("points", 1)),
-      features_(nh.advertise<StereoFeaturesMessage>("features", kQueueSize)),
+      features_(nh.advertise<StereoFeatures>("features", kQueueSize)),
       info_(nh.advertise<OdometryInfo>("info", kQueueSize)),
       features_image_(image_transport::ImageTransport(nh).advertise("features_image", 1)) {}
 

@@ -24,7 +24,7 @@ StereoFeatureDetector::MonoFeatures StereoFeatureDetector::detectMono(const cv::
   return features;
 }
 
-StereoFeatures StereoFeatureDetector::detect(const StereoImages& images) {
+DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images) {
   const std::array<const cv::Mat*, 2> mats{&images.left, &images.right};
   std::array<MonoFeatures, 2> features;
   cv::parallel_for_(cv::Range(0, 2), [&](const cv::Range& range) {
