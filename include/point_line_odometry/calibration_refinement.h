@@ -7,9 +7,9 @@
 
 namespace point_line_odometry {
 
-/// Small smooth displacement of the right image against its calibration: quadratic polynomials of the pixel for each
-/// coordinate. They span, to first order, what a wrong rotation, principal point, focal length or tangential distortion of the
-/// right camera does.
+/// Small smooth displacement of the right image against its calibration: quadratic polynomials of
+/// the pixel for each coordinate. They span, to first order, what a wrong rotation, principal
+/// point, focal length or tangential distortion of the right camera does.
 class RightImageCorrection {
  public:
   static constexpr int kTerms = 6;
@@ -19,8 +19,9 @@ class RightImageCorrection {
   explicit RightImageCorrection(const StereoCamera& camera)
       : centre_(camera.cx, camera.cy), scale_(2.0 / camera.width) {}
 
-  /// Values of the polynomial's terms 1, x, y, x^2 - 1/3, x y, y^2 at a pixel; x is about +-1 at the image's sides, y in the
-  /// same unit. The mean of x^2 is taken out: a constant shift is what a calibration sees best and has removed.
+  /// Values of the polynomial's terms 1, x, y, x^2 - 1/3, x y, y^2 at a pixel; x is about +-1 at
+  /// the image's sides, y in the same unit. The mean of x^2 is taken out: a constant shift is what
+  /// a calibration sees best and has removed.
   Coefficients terms(const Eigen::Vector2d& right_px) const;
 
   /// The pixel at which a correctly calibrated right camera would have seen the same thing.
@@ -35,16 +36,18 @@ class RightImageCorrection {
   double scale_ = 0.0;
 };
 
-/// Estimates the correction of the right image while the odometry runs. Rows that differ between left and right show v
-/// directly. A biased disparity, u, shows when the camera moves: the depths that it gives do not fit the flow of the pixels.
-/// Each frame adds its information on the coefficients, the motion marginalised out; old information fades.
+/// Estimates the correction of the right image while the odometry runs. Rows that differ between
+/// left and right show v directly. A biased disparity, u, shows when the camera moves: the depths
+/// that it gives do not fit the flow of the pixels. Each frame adds its information on the
+/// coefficients, the motion marginalised out; old information fades.
 class CalibrationRefinement {
  public:
   explicit CalibrationRefinement(const StereoCamera& camera);
 
   const RightImageCorrection& correction() const { return correction_; }
 
-  /// One frame's rows: where its stereo matches are seen in the right image, uncorrected, and by how much lower than in the left.
+  /// One frame's rows: where its stereo matches are seen in the right image, uncorrected, and by
+  /// how much lower than in the left.
   struct RowSample {
     Eigen::Vector2d right_px;
     double row_difference_px;
@@ -52,11 +55,13 @@ class CalibrationRefinement {
   void addRows(const std::vector<RowSample>& samples, double sigma_px);
 
   /// One frame's motion: residuals of the inlier points, after the solution.
-  void addMotion(const Correspondences& correspondences, const MotionEstimate& motion, const MotionParameters& parameters);
+  void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
+                 const MotionParameters& parameters);
 
  private:
   using Coefficients = RightImageCorrection::Coefficients;
-  using Information = Eigen::Matrix<double, RightImageCorrection::kTerms, RightImageCorrection::kTerms>;
+  using Information =
+      Eigen::Matrix<double, RightImageCorrection::kTerms, RightImageCorrection::kTerms>;
 
   /// Gaussian belief about coefficients in information form.
   struct Belief {

@@ -16,8 +16,9 @@ struct PointFeature {
   Descriptor descriptor{};
 };
 
-/// A straight edge. It is directed: walking from start to end, the brighter side is on the right hand in the image
-/// (x right, y down), so that the same edge has the same direction in every image.
+/// A straight edge. It is directed: walking from start to end, the brighter side is on the right
+/// hand in the image (x right, y down), so that the same edge has the same direction in every
+/// image.
 struct LineSegment {
   Eigen::Vector2f start = Eigen::Vector2f::Zero();  ///< [px]
   Eigen::Vector2f end = Eigen::Vector2f::Zero();    ///< [px]

@@ -9,8 +9,8 @@
 
 namespace point_line_odometry {
 
-/// Gradient of a smoothed image by the 3 x 3 Sobel operator; 8 units are one grey level per pixel. Lines are detected and
-/// described from it.
+/// Gradient of a smoothed image by the 3 x 3 Sobel operator; 8 units are one grey level per pixel.
+/// Lines are detected and described from it.
 struct GradientImage {
   cv::Mat gx;         ///< CV_16SC1
   cv::Mat gy;         ///< CV_16SC1
@@ -20,33 +20,51 @@ struct GradientImage {
 /// Gradient of a CV_8UC1 image after a 5 x 5 Gaussian (sigma 1 px).
 GradientImage computeGradient(const cv::Mat& image);
 
-/// Finds straight edges to sub-pixel accuracy and validates them a contrario, as LSD does (von Gioi et al. 2010), but
-/// grows chains of pixels along the ridges of the gradient instead of regions (as in Edge Drawing, Topal and Akinlar
-/// 2012, and ELSED, Suarez et al. 2022), which touches far fewer pixels.
+/// Fewest aligned pixels that make a segment of n pixels meaningful: its number of false alarms is
+/// at most 1 in the a-contrario model of von Gioi et al. 2010.
+class AContrarioTable {
+ public:
+  AContrarioTable() = default;
+  explicit AContrarioTable(cv::Size image_size);
+
+  /// \param n pixels of the segment. \param aligned those whose gradient is within 22.5 deg of the
+  /// segment's normal.
+  bool meaningful(int n, int aligned) const;
+
+  cv::Size imageSize() const { return image_size_; }
+
+ private:
+  cv::Size image_size_;
+  std::vector<int> fewest_;
+};
+
+/// Finds straight edges to sub-pixel accuracy and validates them a contrario, as LSD does (von Gioi
+/// et al. 2010), but grows chains of pixels along the ridges of the gradient instead of regions (as
+/// in Edge Drawing, Topal and Akinlar 2012, and ELSED, Suarez et al. 2022), which touches far fewer
+/// pixels.
 class LineDetector {
  public:
   explicit LineDetector(const LineParameters& parameters) : parameters_(parameters) {}
 
-  /// Segments, the longest first, at most max_count of them. The image must be at least 3 x 3.
+  /// Segments, the longest first, at most max_count of them; none in an image smaller than 3 x 3.
   std::vector<LineSegment> detect(const GradientImage& gradient);
 
  private:
-  struct ChainPixel {
-    int x;
-    int y;
-  };
-
   void findAnchors(const GradientImage& gradient, int threshold);
-  std::vector<LineSegment> cutIntoSegments() const;
 
+  // Scratch memory, kept from frame to frame.
   LineParameters parameters_;
-  cv::Mat visited_;                    // CV_8UC1
-  std::vector<ChainPixel> anchors_;    // the strongest first
-  std::vector<ChainPixel> chain_;
+  AContrarioTable table_;
+  std::vector<std::uint8_t> visited_;     // one per pixel
+  std::vector<std::int32_t> candidates_;  // pixels on ridges, in reading order
+  std::vector<std::int32_t> anchors_;     // the same, the strongest first
+  std::vector<std::int32_t> chain_;       // pixels of one edge, in order
+  std::vector<Eigen::Vector2f> places_;   // their sub-pixel places
 };
 
-/// Line band descriptors (LBD, Zhang and Koch 2013): nine bands of seven pixels along each segment, binarised by comparing
-/// the statistics of 32 pairs of bands.
-std::vector<Descriptor> describeLines(const GradientImage& gradient, const std::vector<LineSegment>& segments);
+/// Line band descriptors (LBD, Zhang and Koch 2013): nine bands of seven pixels along each segment,
+/// binarised by comparing the statistics of 32 pairs of bands.
+std::vector<Descriptor> describeLines(const GradientImage& gradient,
+                                      const std::vector<LineSegment>& segments);
 
 }  // namespace point_line_odometry

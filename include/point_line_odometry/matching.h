@@ -23,18 +23,21 @@ struct IndexPair {
 struct StereoPoint {
   int left = -1;   ///< index into DetectedFeatures::points_left
   int right = -1;  ///< index into DetectedFeatures::points_right
-  Eigen::Vector2f right_px = Eigen::Vector2f::Zero();  ///< sub-pixel place in the right image, as seen
+  Eigen::Vector2f right_px =
+      Eigen::Vector2f::Zero();  ///< sub-pixel place in the right image, as seen
   TriangulatedPoint triangulated;
 };
 
-/// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the epipolar direction.
+/// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the
+/// epipolar direction.
 struct StereoLine {
   int left = -1;   ///< index into DetectedFeatures::lines_left
   int right = -1;  ///< index into DetectedFeatures::lines_right
   std::optional<TriangulatedLine> triangulated;
 };
 
-/// One stereo frame after detection, stereo matching and triangulation; the next frame is matched with it.
+/// One stereo frame after detection, stereo matching and triangulation; the next frame is matched
+/// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
   StereoImages images;  ///< own copies: sub-pixel matching of the next frame looks at them
@@ -43,12 +46,14 @@ struct StereoFrame {
   std::vector<StereoLine> lines;
 };
 
-/// Pairs of points (left, right) within the epipolar window delta_u x delta_v, each the other's best descriptor.
+/// Pairs of points (left, right) within the epipolar window delta_u x delta_v, each the other's
+/// best descriptor.
 std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
                                          const std::vector<PointFeature>& right,
                                          const MatchingParameters& parameters);
 
-/// Pairs of segments (left, right) of like direction that share rows, each the other's best descriptor.
+/// Pairs of segments (left, right) of like direction that share rows, each the other's best
+/// descriptor.
 std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
                                         const std::vector<LineFeature>& right,
                                         const MatchingParameters& parameters);
@@ -68,15 +73,19 @@ struct MotionPrediction {
   double radius_px = 25.0;
 };
 
-/// Pairs of stereo points (k-1, k) whose circle l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) closes (paper, section 2): the legs
-/// within a frame are the stereo pairs, those between frames the best descriptors near the predicted place (paper, eq. 1).
+/// Pairs of stereo points (k-1, k) whose circle l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) closes
+/// (paper, section 2): the legs within a frame are the stereo pairs, those between frames the best
+/// descriptors near the predicted place (paper, eq. 1).
 std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
-                                           const StereoCamera& camera, const MotionPrediction& prediction,
+                                           const StereoCamera& camera,
+                                           const MotionPrediction& prediction,
                                            const MatchingParameters& parameters);
 
-/// The same for triangulated stereo lines of frame k-1, with the appearance-geometry constraint (paper, section 3).
+/// The same for triangulated stereo lines of frame k-1, with the appearance-geometry constraint
+/// (paper, section 3).
 std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
-                                          const StereoCamera& camera, const MotionPrediction& prediction,
+                                          const StereoCamera& camera,
+                                          const MotionPrediction& prediction,
                                           const MatchingParameters& parameters);
 
 /// Pairs (k-1, k) of stereo points and of stereo lines.
@@ -86,13 +95,16 @@ struct CircularMatches {
 };
 
 /// Both of the above.
-CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr, const StereoCamera& camera,
-                              const MotionPrediction& prediction, const MatchingParameters& parameters);
+CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
+                              const StereoCamera& camera, const MotionPrediction& prediction,
+                              const MatchingParameters& parameters);
 
-/// Aligns the patch round a pixel of one image with another image by translation (inverse compositional Lucas-Kanade with the
-/// mean brightness removed). Nothing if it does not converge near the initial place, or the patches differ.
-/// \param reference_px centre of the patch [px]; \param initial_px where it is expected in the target.
-std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference, const Eigen::Vector2f& reference_px,
+/// Aligns the patch round a pixel of one image with another image by translation (inverse
+/// compositional Lucas-Kanade with the mean brightness removed). Nothing if it does not converge
+/// near the initial place, or the patches differ. \param reference_px centre of the patch [px];
+/// \param initial_px where it is expected in the target.
+std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
+                                          const Eigen::Vector2f& reference_px,
                                           const cv::Mat& target, const Eigen::Vector2f& initial_px);
 
 }  // namespace point_line_odometry

@@ -12,23 +12,24 @@ namespace point_line_odometry {
 
 /// A point triangulated in frame k-1 and its pixels in frame k.
 struct PointCorrespondence {
-  Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();         ///< in the previous left camera [m]
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();     ///< of p_prev [m^2]
+  Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
   Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_px = Eigen::Vector2d::Zero();
-  double sigma_px = 1.0;                                    ///< of each pixel coordinate
+  double sigma_px = 1.0;  ///< of each pixel coordinate
 };
 
 /// A segment triangulated in frame k-1 and the segments seen in frame k.
 struct LineCorrespondence {
-  Eigen::Vector3d start_prev = Eigen::Vector3d::Zero();     ///< end points in the previous left camera [m]
+  Eigen::Vector3d start_prev =
+      Eigen::Vector3d::Zero();  ///< end points in the previous left camera [m]
   Eigen::Vector3d end_prev = Eigen::Vector3d::Zero();
-  Matrix6d covariance = Matrix6d::Zero();                   ///< of (start, end) [m^2]
+  Matrix6d covariance = Matrix6d::Zero();  ///< of (start, end) [m^2]
   Eigen::Vector2d left_start_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d left_end_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_start_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_end_px = Eigen::Vector2d::Zero();
-  double sigma_px = 1.0;                                    ///< of an end point, across the line
+  double sigma_px = 1.0;  ///< of an end point, across the line
 };
 
 struct Correspondences {
@@ -45,31 +46,32 @@ const char* toString(MotionStatus status);
 struct MotionEstimate {
   MotionStatus status = MotionStatus::kTooFewMatches;
   Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
-  /// Covariance of T_prev_curr, i.e. of the camera's motion seen from the previous camera: translation [m], rotation [rad]
-  /// about the axes of the previous camera.
+  /// Covariance of T_prev_curr, i.e. of the camera's motion seen from the previous camera:
+  /// translation [m], rotation [rad] about the axes of the previous camera.
   Matrix6d covariance = Matrix6d::Zero();
-  std::vector<bool> point_inliers;   ///< one per point correspondence
-  std::vector<bool> line_inliers;    ///< one per line correspondence
+  std::vector<bool> point_inliers;  ///< one per point correspondence
+  std::vector<bool> line_inliers;   ///< one per line correspondence
   int num_point_inliers = 0;
   int num_line_inliers = 0;
   int iterations = 0;
-  double rms_px = 0.0;               ///< root mean square of the inliers' residual coordinates
+  double rms_px = 0.0;  ///< root mean square of the inliers' residual coordinates
 
   bool ok() const { return status == MotionStatus::kOk; }
 };
 
-/// Minimises the point-line reprojection error in frame k (paper, eq. 7) by Levenberg-Marquardt with Huber kernels, removes
-/// outliers and solves again with the rest.
-/// \param T_curr_prev_initial where to start: the constant-velocity prediction.
+/// Minimises the point-line reprojection error in frame k (paper, eq. 7) by Levenberg-Marquardt
+/// with Huber kernels, removes outliers and solves again with the rest. \param T_curr_prev_initial
+/// where to start: the constant-velocity prediction.
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,
-                              const Eigen::Isometry3d& T_curr_prev_initial, const MotionParameters& parameters);
+                              const Eigen::Isometry3d& T_curr_prev_initial,
+                              const MotionParameters& parameters);
 
-/// Fuses the rotation of `direct` (k-1 -> k) with that of the two-frame estimate by slerp at one half (paper, eq. 9-10) and
-/// solves for the translation again with the rotation held.
-/// \param T_curr_prev2 estimate over two frames, k-2 -> k.
-/// \param T_prev_prev2 estimate k-2 -> k-1.
+/// Fuses the rotation of `direct` (k-1 -> k) with that of the two-frame estimate by slerp at one
+/// half (paper, eq. 9-10) and solves for the translation again with the rotation held. \param
+/// T_curr_prev2 estimate over two frames, k-2 -> k. \param T_prev_prev2 estimate k-2 -> k-1.
 MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,
-                            const Eigen::Isometry3d& T_prev_prev2, const Correspondences& correspondences,
-                            const StereoCamera& camera, const MotionParameters& parameters);
+                            const Eigen::Isometry3d& T_prev_prev2,
+                            const Correspondences& correspondences, const StereoCamera& camera,
+                            const MotionParameters& parameters);
 
 }  // namespace point_line_odometry

@@ -45,8 +45,8 @@ struct MotionParameters {
   std::string residual_images = "both";
   bool fuse_rotation = false;
   double point_noise_px = 0.3;
-  double line_noise_px = 0.5;
-  double min_line_angle_deg = 15.0;
+  double line_noise_px = 0.3;
+  double min_line_angle_deg = 5.0;
   double huber_delta = 1.5;
   double outlier_threshold = 3.0;
   int max_iterations = 20;
@@ -74,24 +74,33 @@ struct Parameters {
   TrackingParameters tracking;
 };
 
-/// The one table of the core's parameters. The loaders (YAML, ROS), the validator, the printed table and README come from it.
+/// The one table of the core's parameters. The loaders (YAML, ROS), the validator, the printed
+/// table and README come from it.
 ///
-/// `visit` is called once per parameter, for numbers as `visit(name, value, minimum, maximum, unit, text)`, for a bool as
-/// `visit(name, value, text)` and for a choice as `visit(name, value, choices, text)`. Names are paths, as in YAML.
+/// `visit` is called once per parameter, for numbers as `visit(name, value, minimum, maximum, unit,
+/// text)`, for a bool as `visit(name, value, text)` and for a choice as `visit(name, value,
+/// choices, text)`. Names are paths, as in YAML.
 template <typename AnyParameters, typename Visitor>
 void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("points/enabled", p.points.enabled, "use points");
-  visit("points/cell_size_px", p.points.cell_size_px, 16, 400, "px", "side of the cells over which points are spread");
-  visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "", "most points kept in a cell; more cost time");
-  visit("points/levels", p.points.levels, 1, 8, "", "pyramid levels in which corners are looked for");
-  visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "", "ratio of size between pyramid levels");
+  visit("points/cell_size_px", p.points.cell_size_px, 16, 400, "px",
+        "side of the cells over which points are spread");
+  visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "",
+        "most points kept in a cell; more cost time");
+  visit("points/levels", p.points.levels, 1, 8, "",
+        "pyramid levels in which corners are looked for");
+  visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "",
+        "ratio of size between pyramid levels");
   visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",
         "weakest contrast of a corner; a cell takes it only when it has no stronger ones");
 
   visit("lines/enabled", p.lines.enabled, "use line segments");
-  visit("lines/min_length_px", p.lines.min_length_px, 8.0, 500.0, "px", "shorter segments are dropped");
-  visit("lines/max_count", p.lines.max_count, 1, 5000, "", "most segments kept in an image, the longest first");
-  visit("lines/min_gradient", p.lines.min_gradient, 1.0, 255.0, "grey levels / px", "weakest gradient of an edge");
+  visit("lines/min_length_px", p.lines.min_length_px, 8.0, 500.0, "px",
+        "shorter segments are dropped");
+  visit("lines/max_count", p.lines.max_count, 1, 5000, "",
+        "most segments kept in an image, the longest first");
+  visit("lines/min_gradient", p.lines.min_gradient, 1.0, 255.0, "grey levels / px",
+        "weakest gradient of an edge");
   visit("lines/max_deviation_px", p.lines.max_deviation_px, 0.2, 5.0, "px",
         "how far edge pixels may lie from their segment");
 
@@ -103,8 +112,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "how far rows of left and right may differ (delta_v)");
   visit("matching/search_radius_px", p.matching.search_radius_px, 1.0, 500.0, "px",
         "search round the place predicted from the velocity (delta_r)");
-  visit("matching/search_radius_without_velocity_px", p.matching.search_radius_without_velocity_px, 1.0, 1000.0, "px",
-        "the same while no velocity is known");
+  visit("matching/search_radius_without_velocity_px", p.matching.search_radius_without_velocity_px,
+        1.0, 1000.0, "px", "the same while no velocity is known");
   visit("matching/max_point_distance", p.matching.max_point_distance, 0, 256, "bits",
         "largest descriptor distance of points");
   visit("matching/max_line_distance", p.matching.max_line_distance, 0, 256, "bits",
@@ -117,13 +126,16 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "share of the shorter line that the longer must cover");
   visit("matching/min_line_length_ratio", p.matching.min_line_length_ratio, 0.0, 1.0, "",
         "length of the shorter line over that of the longer, at least");
-  visit("matching/refine_subpixel", p.matching.refine_subpixel, "align matched points on the image to sub-pixels");
+  visit("matching/refine_subpixel", p.matching.refine_subpixel,
+        "align matched points on the image to sub-pixels");
 
-  visit("motion/residual_images", p.motion.residual_images, std::vector<std::string>{"left", "both"},
+  visit("motion/residual_images", p.motion.residual_images,
+        std::vector<std::string>{"left", "both"},
         "images of frame k whose residuals are minimised; the paper: left");
   visit("motion/fuse_rotation", p.motion.fuse_rotation,
         "fuse the rotation with an estimate over two frames (paper, eq. 9-10); the paper: true");
-  visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px", "standard deviation of a point's pixel");
+  visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px",
+        "standard deviation of a point's pixel");
   visit("motion/line_noise_px", p.motion.line_noise_px, 0.01, 10.0, "px",
         "standard deviation of a segment's end point across the line");
   visit("motion/min_line_angle_deg", p.motion.min_line_angle_deg, 1.0, 60.0, "deg",
@@ -132,8 +144,10 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "residuals beyond it count linearly (paper, eq. 8)");
   visit("motion/outlier_threshold", p.motion.outlier_threshold, 1.0, 100.0, "sigma",
         "matches with a larger residual are removed before the second solution");
-  visit("motion/max_iterations", p.motion.max_iterations, 1, 200, "", "Levenberg-Marquardt steps of a solution");
-  visit("motion/min_matches", p.motion.min_matches, 3, 1000, "", "fewer triangulated matches give no motion");
+  visit("motion/max_iterations", p.motion.max_iterations, 1, 200, "",
+        "Levenberg-Marquardt steps of a solution");
+  visit("motion/min_matches", p.motion.min_matches, 3, 1000, "",
+        "fewer triangulated matches give no motion");
   visit("motion/min_inliers", p.motion.min_inliers, 3, 1000, "", "fewer inliers give no motion");
   visit("motion/min_inlier_ratio", p.motion.min_inlier_ratio, 0.0, 1.0, "",
         "smaller share of inliers gives no motion");
@@ -144,19 +158,24 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "a longer gap starts a new reference; the pose is kept");
   visit("tracking/max_prediction_s", p.tracking.max_prediction_s, 0.0, 60.0, "s",
         "how long the velocity is kept without a measurement before the state is LOST");
-  visit("tracking/max_speed_m_s", p.tracking.max_speed_m_s, 0.01, 1000.0, "m/s", "faster estimates are rejected");
+  visit("tracking/max_speed_m_s", p.tracking.max_speed_m_s, 0.01, 1000.0, "m/s",
+        "faster estimates are rejected");
   visit("tracking/max_turn_rate_deg_s", p.tracking.max_turn_rate_deg_s, 1.0, 10000.0, "deg/s",
         "faster rotations are rejected");
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
-        "estimate and correct a small smooth displacement of the right image against its calibration");
+        "estimate and correct a small smooth displacement of the right image against its "
+        "calibration");
 }
 
-/// One sentence for each parameter that is out of its range, not a finite number or not among its choices; empty if all are fine.
+/// One sentence for each parameter that is out of its range, not a finite number or not among its
+/// choices; empty if all are fine.
 std::vector<std::string> checkParameters(const Parameters& parameters);
 
-/// Sets the parameters that a YAML file names (the layout of config/*.yaml: nested maps of the names' paths).
-/// Throws std::runtime_error with one sentence that names every unknown name, wrong type and value out of range.
-/// \param ignored names outside the core's table that are legal in the file, e.g. those of the ROS node.
-Parameters loadParameters(const std::string& yaml_file, const std::vector<std::string>& ignored = {});
+/// Sets the parameters that a YAML file names (the layout of config/*.yaml: nested maps of the
+/// names' paths). Throws std::runtime_error with one sentence that names every unknown name, wrong
+/// type and value out of range. \param ignored names outside the core's table that are legal in the
+/// file, e.g. those of the ROS node.
+Parameters loadParameters(const std::string& yaml_file,
+                          const std::vector<std::string>& ignored = {});
 
 }  // namespace point_line_odometry

@@ -10,13 +10,15 @@
 
 namespace point_line_odometry {
 
-/// ORB points (Rublee et al. 2011), spread over the image: FAST corners, the strongest of each cell (the paper's 50 x 50 px
-/// buckets), with orientation by intensity centroid and rotated BRIEF descriptors on a smoothed image.
+/// ORB points (Rublee et al. 2011), spread over the image: FAST corners, the strongest of each cell
+/// (the paper's 50 x 50 px buckets), with orientation by intensity centroid and rotated BRIEF
+/// descriptors on a smoothed image.
 class PointDetector {
  public:
   explicit PointDetector(const PointParameters& parameters);
 
-  /// Features in reading order of the cells, per level; pixels in the full-resolution image. The image must be CV_8UC1.
+  /// Features in reading order of the cells, per level; pixels in the full-resolution image. The
+  /// image must be CV_8UC1.
   std::vector<PointFeature> detect(const cv::Mat& image) const;
 
  private:

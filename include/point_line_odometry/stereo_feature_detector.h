@@ -9,7 +9,8 @@
 
 namespace point_line_odometry {
 
-/// Detects and describes points and lines in both images of a stereo frame, left and right in parallel.
+/// Detects and describes points and lines in both images of a stereo frame, left and right in
+/// parallel.
 class StereoFeatureDetector {
  public:
   StereoFeatureDetector(const PointParameters& points, const LineParameters& lines);

@@ -29,9 +29,9 @@ enum class TrackingState {
 enum class TrackingReason {
   kNone,
   kFirstFrame,
-  kStampNotNewer,   ///< frame dropped, nothing changed
-  kWrongImages,     ///< empty, of another type or size than the camera; frame dropped, nothing changed
-  kFrameGap,        ///< too long since the last frame: new reference
+  kStampNotNewer,  ///< frame dropped, nothing changed
+  kWrongImages,  ///< empty, of another type or size than the camera; frame dropped, nothing changed
+  kFrameGap,     ///< too long since the last frame: new reference
   kTooFewFeatures,
   kTooFewMatches,
   kSolverFailed,
@@ -43,7 +43,15 @@ const char* toString(TrackingState state);
 const char* toString(TrackingReason reason);
 
 /// Stages whose time is taken. kNumStages counts them.
-enum class Stage { kDetect, kMatchStereo, kMatchCircular, kTriangulate, kEstimate, kFuse, kNumStages };
+enum class Stage {
+  kDetect,
+  kMatchStereo,
+  kMatchCircular,
+  kTriangulate,
+  kEstimate,
+  kFuse,
+  kNumStages
+};
 constexpr int kNumStages = static_cast<int>(Stage::kNumStages);
 
 /// Lower-case name, as in the columns of frames.csv.
@@ -65,9 +73,10 @@ struct FrameCounts {
   int lines_right = 0;
   int point_stereo_matches = 0;
   int line_stereo_matches = 0;
-  int point_matches = 0;              ///< circular
-  int line_matches = 0;               ///< circular
-  int lines_not_triangulable = 0;     ///< circular matches too near to the epipolar direction, or at infinity
+  int point_matches = 0;  ///< circular
+  int line_matches = 0;   ///< circular
+  int lines_not_triangulable =
+      0;  ///< circular matches too near to the epipolar direction, or at infinity
   int point_inliers = 0;
   int line_inliers = 0;
   int iterations = 0;
@@ -95,13 +104,15 @@ struct FrameResult {
   std::int64_t stamp_ns = 0;
   TrackingState state = TrackingState::kInitializing;
   TrackingReason reason = TrackingReason::kFirstFrame;
-  /// Pose of the rectified left camera in the frame in which it was at the first frame (or as set by reset()). Always finite.
+  /// Pose of the rectified left camera in the frame in which it was at the first frame (or as set
+  /// by reset()). Always finite.
   Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
-  Matrix6d pose_covariance = Matrix6d::Zero();    ///< of T_odom_camera, along and about the axes of odom
+  Matrix6d pose_covariance =
+      Matrix6d::Zero();  ///< of T_odom_camera, along and about the axes of odom
   /// Velocity of the camera in its own axes: linear [m/s], angular [rad/s].
   Vector6d twist = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
-  double rms_px = 0.0;                            ///< of the inliers' residuals
+  double rms_px = 0.0;  ///< of the inliers' residuals
   FrameCounts counts;
   StageTimes times;
   std::vector<ObservedPoint> points;
@@ -110,16 +121,20 @@ struct FrameResult {
   std::vector<LineSegment> unmatched_lines_px;       ///< the same for segments
 
   /// False for a frame that was dropped without changing anything.
-  bool accepted() const { return reason != TrackingReason::kStampNotNewer && reason != TrackingReason::kWrongImages; }
+  bool accepted() const {
+    return reason != TrackingReason::kStampNotNewer && reason != TrackingReason::kWrongImages;
+  }
 };
 
 /// The pipeline: one call per stereo frame. Deterministic; not thread-safe; no ROS.
 class StereoOdometry {
  public:
-  /// Throws std::invalid_argument if the camera or a parameter is out of its range (all bad ones are named).
+  /// Throws std::invalid_argument if the camera or a parameter is out of its range (all bad ones
+  /// are named).
   StereoOdometry(const StereoCamera& camera, const Parameters& parameters);
 
-  /// Estimates the motion since the last frame and integrates it. Bad data gives a state and reason, never an exception.
+  /// Estimates the motion since the last frame and integrates it. Bad data gives a state and
+  /// reason, never an exception.
   FrameResult process(const StereoImages& images);
 
   /// Forgets the past; the next frame is the first one, and has this pose.
@@ -161,7 +176,8 @@ class StereoOdometry {
 
   StereoFrame makeFrame(const StereoImages& images, StageTimes* times);
   Measurement measure(const StereoFrame& curr, StageTimes* times) const;
-  MotionEstimate fuseWithTwoFrameEstimate(const StereoFrame& curr, const Measurement& measurement) const;
+  MotionEstimate fuseWithTwoFrameEstimate(const StereoFrame& curr,
+                                          const Measurement& measurement) const;
   MotionPrediction predict(double dt_s) const;
   void integrateMeasurement(const Measurement& measurement, const StereoFrame& curr);
   void integratePrediction(const StereoFrame& curr, double dt_s);
@@ -177,14 +193,15 @@ class StereoOdometry {
 
   // State.
   TrackingState state_ = TrackingState::kInitializing;
-  std::optional<StereoFrame> reference_;          // frame k-1: the last one that others can be matched with
+  std::optional<StereoFrame> reference_;  // frame k-1: the last one that others can be matched with
   std::optional<EarlierFrame> before_reference_;  // frame k-2, kept for the fusion of rotations
   Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
   Matrix6d reference_covariance_ = Matrix6d::Zero();
-  Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();  // of the last frame, measured or predicted
+  Eigen::Isometry3d T_odom_camera_ =
+      Eigen::Isometry3d::Identity();  // of the last frame, measured or predicted
   Matrix6d pose_covariance_ = Matrix6d::Zero();
-  std::optional<Velocity> velocity_;              // none before two frames were matched
-  std::optional<std::int64_t> last_stamp_ns_;     // of the last accepted frame
+  std::optional<Velocity> velocity_;           // none before two frames were matched
+  std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
 };
 
 }  // namespace point_line_odometry

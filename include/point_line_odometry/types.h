@@ -3,15 +3,17 @@
 /// \file
 /// Conventions of this package, and the small types every stage shares.
 ///
-/// Frames. `T_a_b` maps coordinates in frame b to frame a: `p_a = T_a_b * p_b`. A camera frame has x right, y down,
-/// z forward (REP-103 optical); "camera" without more is the *rectified left* camera. `prev` and `curr` are the
-/// cameras of stereo frames k-1 and k; `odom` is the frame in which the pose is integrated.
+/// Frames. `T_a_b` maps coordinates in frame b to frame a: `p_a = T_a_b * p_b`. A camera frame has
+/// x right, y down, z forward (REP-103 optical); "camera" without more is the *rectified left*
+/// camera. `prev` and `curr` are the cameras of stereo frames k-1 and k; `odom` is the frame in
+/// which the pose is integrated.
 ///
-/// Pixels. `(u, v)` with u to the right and v down; (0, 0) is the centre of the top-left pixel. In the rectified pair a
-/// feature has the same v in both images and disparity `d = u_left - u_right > 0`.
+/// Pixels. `(u, v)` with u to the right and v down; (0, 0) is the centre of the top-left pixel. In
+/// the rectified pair a feature has the same v in both images and disparity `d = u_left - u_right >
+/// 0`.
 ///
-/// Units are suffixes of names: `_px`, `_m`, `_s`, `_ns`, `_ms`, `_rad`, `_deg`. Covariances of a motion or pose are
-/// 6 x 6 in ROS' order: translation x y z [m], then rotation about x y z [rad].
+/// Units are suffixes of names: `_px`, `_m`, `_s`, `_ns`, `_ms`, `_rad`, `_deg`. Covariances of a
+/// motion or pose are 6 x 6 in ROS' order: translation x y z [m], then rotation about x y z [rad].
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>

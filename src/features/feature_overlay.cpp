@@ -18,8 +18,10 @@ cv::Point fixedPoint(const Eigen::Vector2f& pixel) {
   return {cvRound(pixel.x() * (1 << kShift)), cvRound(pixel.y() * (1 << kShift))};
 }
 
-void drawSegment(const LineSegment& segment, const cv::Scalar& colour, int width, cv::Mat* picture) {
-  cv::line(*picture, fixedPoint(segment.start), fixedPoint(segment.end), colour, width, cv::LINE_AA, kShift);
+void drawSegment(const LineSegment& segment, const cv::Scalar& colour, int width,
+                 cv::Mat* picture) {
+  cv::line(*picture, fixedPoint(segment.start), fixedPoint(segment.end), colour, width, cv::LINE_AA,
+           kShift);
 }
 
 void drawPoint(const Eigen::Vector2f& pixel, const cv::Scalar& colour, cv::Mat* picture) {
@@ -27,20 +29,22 @@ void drawPoint(const Eigen::Vector2f& pixel, const cv::Scalar& colour, cv::Mat* 
 }
 
 void drawCross(const Eigen::Vector2f& pixel, const cv::Scalar& colour, cv::Mat* picture) {
-  cv::drawMarker(*picture, cv::Point(cvRound(pixel.x()), cvRound(pixel.y())), colour, cv::MARKER_TILTED_CROSS, 7, 1,
-                 cv::LINE_AA);
+  cv::drawMarker(*picture, cv::Point(cvRound(pixel.x()), cvRound(pixel.y())), colour,
+                 cv::MARKER_TILTED_CROSS, 7, 1, cv::LINE_AA);
 }
 
 void drawText(const FrameResult& result, cv::Mat* picture) {
   std::array<char, 160> text{};
   const bool explain = result.reason != TrackingReason::kNone;
-  std::snprintf(text.data(), text.size(), "%s%s%s  points %d/%d  lines %d/%d  %.1f ms", toString(result.state),
-                explain ? ": " : "", explain ? toString(result.reason) : "", result.counts.point_inliers,
-                result.counts.point_matches, result.counts.line_inliers, result.counts.line_matches,
-                result.times.total_ms);
+  std::snprintf(text.data(), text.size(), "%s%s%s  points %d/%d  lines %d/%d  %.1f ms",
+                toString(result.state), explain ? ": " : "", explain ? toString(result.reason) : "",
+                result.counts.point_inliers, result.counts.point_matches,
+                result.counts.line_inliers, result.counts.line_matches, result.times.total_ms);
   const cv::Point origin(8, picture->rows - 10);
-  cv::putText(*picture, text.data(), origin, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3, cv::LINE_AA);
-  cv::putText(*picture, text.data(), origin, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(255, 255, 255), 1, cv::LINE_AA);
+  cv::putText(*picture, text.data(), origin, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar(0, 0, 0), 3,
+              cv::LINE_AA);
+  cv::putText(*picture, text.data(), origin, cv::FONT_HERSHEY_SIMPLEX, 0.5,
+              cv::Scalar(255, 255, 255), 1, cv::LINE_AA);
 }
 
 }  // namespace
@@ -48,8 +52,10 @@ void drawText(const FrameResult& result, cv::Mat* picture) {
 cv::Mat drawFeatures(const cv::Mat& left, const FrameResult& result) {
   cv::Mat picture;
   cv::cvtColor(left, picture, cv::COLOR_GRAY2BGR);
-  for (const LineSegment& segment : result.unmatched_lines_px) drawSegment(segment, kDimRed, 1, &picture);
-  for (const Eigen::Vector2f& pixel : result.unmatched_points_px) drawPoint(pixel, kDimYellow, &picture);
+  for (const LineSegment& segment : result.unmatched_lines_px)
+    drawSegment(segment, kDimRed, 1, &picture);
+  for (const Eigen::Vector2f& pixel : result.unmatched_points_px)
+    drawPoint(pixel, kDimYellow, &picture);
   for (const ObservedLine& line : result.lines) {
     drawSegment(line.left_px, line.inlier ? kRed : kBlue, line.inlier ? 2 : 1, &picture);
   }

@@ -6,62 +6,18 @@
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
+#include "features/line_fit.h"
+
 namespace point_line_odometry {
 namespace {
 
-constexpr float kSobelScale = 8.0F;                      // Sobel units per grey level per pixel
-constexpr float kCosTolerance2 = 0.853553391F;           // cos^2(22.5 deg): LSD's angle tolerance
-constexpr double kAlignedProbability = 1.0 / 8.0;        // that a random gradient is within it
-constexpr int kMaxGap = 7;                               // pixels a chain may jump, e.g. at a crossing
-constexpr int kSeedPixels = 8;                           // first fit of a segment
-constexpr int kMaxOutliersInRow = 4;                     // then the segment ends
-
-/// Read-only view of the gradient with the tests that walking needs.
-class GradientView {
- public:
-  GradientView(const GradientImage& gradient, int threshold)
-      : gx_(gradient.gx.ptr<short>()),
-        gy_(gradient.gy.ptr<short>()),
-        magnitude_(gradient.magnitude.ptr<ushort>()),
-        stride_(gradient.gx.step1()),
-        width_(gradient.gx.cols),
-        height_(gradient.gx.rows),
-        threshold_(threshold) {}
-
-  bool contains(int x, int y) const { return x >= 1 && y >= 1 && x < width_ - 1 && y < height_ - 1; }
-  bool isEdge(int x, int y) const { return magnitude(x, y) >= threshold_; }
-  int gx(int x, int y) const { return gx_[index(x, y)]; }
-  int gy(int x, int y) const { return gy_[index(x, y)]; }
-  int magnitude(int x, int y) const { return magnitude_[index(x, y)]; }
-
-  /// True if the edge runs more vertically than horizontally.
-  bool steep(int x, int y) const { return std::abs(gx(x, y)) >= std::abs(gy(x, y)); }
-
-  /// Place of the ridge through a pixel, by a parabola across the edge.
-  Eigen::Vector2f subpixel(int x, int y) const {
-    const bool across_x = steep(x, y);
-    const std::size_t step = across_x ? 1 : stride_;
-    const std::size_t i = index(x, y);
-    const float before = magnitude_[i - step];
-    const float here = magnitude_[i];
-    const float after = magnitude_[i + step];
-    const float curvature = before - 2.0F * here + after;
-    const float offset =
-        curvature < 0.0F ? std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F) : 0.0F;
-    return across_x ? Eigen::Vector2f(x + offset, y) : Eigen::Vector2f(x, y + offset);
-  }
-
- private:
-  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * stride_ + x; }
-
-  const short* gx_;
-  const short* gy_;
-  const ushort* magnitude_;
-  std::size_t stride_;
-  int width_;
-  int height_;
-  int threshold_;
-};
+constexpr float kSobelScale = 8.0F;                // Sobel units per grey level per pixel
+constexpr float kCosTolerance2 = 0.853553391F;     // cos^2(22.5 deg): LSD's angle tolerance
+constexpr double kAlignedProbability = 1.0 / 8.0;  // that a random gradient is within it
+constexpr int kMaxGap = 7;            // pixels that a chain may jump, e.g. at a crossing
+constexpr int kSeedPixels = 8;        // of the first fit of a segment, and of a chain that may jump
+constexpr int kMaxOutliersInRow = 4;  // then the segment ends
+constexpr int kTableSize = 257;       // segment lengths with a limit of their own
 
 /// Mean gradient of a chain; pixels are compared with it.
 struct MeanGradient {
@@ -76,173 +32,176 @@ struct MeanGradient {
     const float dot = gx * x + gy * y;
     return dot > 0.0F && dot * dot >= kCosTolerance2 * (gx * gx + gy * gy) * (x * x + y * y);
   }
+  bool steep() const { return std::abs(x) >= std::abs(y); }
 };
 
-/// Total least squares fit of a straight line to pixels, from running sums about the first pixel.
-class LineFit {
+/// The gradient by pixel index (row * width + column), and the walk along its ridges.
+class RidgeWalker {
  public:
-  void add(const Eigen::Vector2f& p) {
-    if (count_ == 0) origin_ = p;
-    const Eigen::Vector2d q = (p - origin_).cast<double>();
-    ++count_;
-    sum_ += q;
-    sum_xx_ += q.x() * q.x();
-    sum_xy_ += q.x() * q.y();
-    sum_yy_ += q.y() * q.y();
+  RidgeWalker(const GradientImage& gradient, int threshold, std::uint8_t* visited)
+      : gx_(gradient.gx.ptr<short>()),
+        gy_(gradient.gy.ptr<short>()),
+        magnitude_(gradient.magnitude.ptr<ushort>()),
+        visited_(visited),
+        width_(gradient.gx.cols),
+        height_(gradient.gx.rows),
+        threshold_(threshold) {}
+
+  bool visited(int i) const { return visited_[i] != 0; }
+  int column(int i) const { return i % width_; }
+  int row(int i) const { return i / width_; }
+  bool inside(int x, int y) const { return x >= 1 && y >= 1 && x < width_ - 1 && y < height_ - 1; }
+
+  void visit(int i, MeanGradient* mean) {
+    visited_[i] = 1;
+    mean->add(gx_[i], gy_[i]);
   }
 
-  void solve() {
-    const Eigen::Vector2d mean = sum_ / count_;
-    const double xx = sum_xx_ / count_ - mean.x() * mean.x();
-    const double xy = sum_xy_ / count_ - mean.x() * mean.y();
-    const double yy = sum_yy_ / count_ - mean.y() * mean.y();
-    const double half_difference = 0.5 * (xx - yy);
-    const double root = std::sqrt(half_difference * half_difference + xy * xy);
-    const Eigen::Vector2d along = half_difference >= 0.0 ? Eigen::Vector2d(half_difference + root, xy)
-                                                         : Eigen::Vector2d(xy, root - half_difference);
-    const double norm = along.norm();
-    direction_ = norm > 0.0 ? Eigen::Vector2f((along / norm).cast<float>()) : Eigen::Vector2f(1.0F, 0.0F);
-    middle_ = origin_ + mean.cast<float>();
-    variance_across_ = std::max(0.0, 0.5 * (xx + yy) - root);
+  /// Appends the pixels of the ridge that continues the chain; `sign` +1 walks with the brighter
+  /// side on the right hand.
+  void walk(int sign, MeanGradient* mean, std::vector<std::int32_t>* chain) {
+    for (int next = chain->back();;) {
+      int following = neighbour(next, sign, *mean);
+      if (following < 0 && chain->size() >= kSeedPixels) following = beyondGap(next, sign, *mean);
+      if (following < 0) return;
+      visit(following, mean);
+      chain->push_back(following);
+      next = following;
+    }
   }
 
-  int count() const { return count_; }
-  double varianceAcross() const { return variance_across_; }
-  float distance(const Eigen::Vector2f& p) const {
-    const Eigen::Vector2f q = p - middle_;
-    return std::abs(direction_.x() * q.y() - direction_.y() * q.x());
+  /// Place of the ridge through a pixel, by a parabola across the edge.
+  Eigen::Vector2f subpixel(int i) const {
+    const bool across_x = std::abs(gx_[i]) >= std::abs(gy_[i]);
+    const int step = across_x ? 1 : width_;
+    const float before = magnitude_[i - step];
+    const float here = magnitude_[i];
+    const float after = magnitude_[i + step];
+    const float curvature = before - 2.0F * here + after;
+    const float offset =
+        curvature < 0.0F ? std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F) : 0.0F;
+    const auto x = static_cast<float>(column(i));
+    const auto y = static_cast<float>(row(i));
+    return across_x ? Eigen::Vector2f(x + offset, y) : Eigen::Vector2f(x, y + offset);
   }
-  Eigen::Vector2f project(const Eigen::Vector2f& p) const {
-    return middle_ + direction_ * direction_.dot(p - middle_);
+
+  /// How many of the pixels along a segment, one per pixel of length, have a gradient across it.
+  int countAligned(const LineSegment& segment, int n) const {
+    const Eigen::Vector2f direction = segment.direction();
+    const MeanGradient normal{-direction.y(), direction.x()};
+    Eigen::Vector2f p = segment.start + Eigen::Vector2f(0.5F, 0.5F);
+    int aligned = 0;
+    for (int k = 0; k < n; ++k, p += direction) {
+      const int x = static_cast<int>(p.x());
+      const int y = static_cast<int>(p.y());
+      if (!inside(x, y)) continue;
+      const int i = y * width_ + x;
+      aligned += normal.agrees(gx_[i], gy_[i]) ? 1 : 0;
+    }
+    return aligned;
   }
 
  private:
-  Eigen::Vector2f origin_ = Eigen::Vector2f::Zero();
-  Eigen::Vector2d sum_ = Eigen::Vector2d::Zero();
-  double sum_xx_ = 0.0;
-  double sum_xy_ = 0.0;
-  double sum_yy_ = 0.0;
-  int count_ = 0;
-  Eigen::Vector2f direction_ = Eigen::Vector2f(1.0F, 0.0F);
-  Eigen::Vector2f middle_ = Eigen::Vector2f::Zero();
-  double variance_across_ = 0.0;
+  bool usable(int i, const MeanGradient& mean) const {
+    return magnitude_[i] >= threshold_ && visited_[i] == 0 && mean.agrees(gx_[i], gy_[i]);
+  }
+
+  /// The strongest usable one of three pixels across the walk, or -1.
+  int strongestAcross(int x, int y, const MeanGradient& mean) const {
+    if (!inside(x, y)) return -1;
+    const int i = y * width_ + x;
+    const int step = mean.steep() ? 1 : width_;
+    int best = -1;
+    int best_magnitude = 0;
+    for (const int candidate : {i, i - step, i + step}) {
+      if (magnitude_[candidate] <= best_magnitude || !usable(candidate, mean)) continue;
+      if (!inside(column(candidate), row(candidate))) continue;
+      best = candidate;
+      best_magnitude = magnitude_[candidate];
+    }
+    return best;
+  }
+
+  /// The next pixel of the ridge: one step along its main axis. The edge's direction is (mean.y,
+  /// -mean.x).
+  int neighbour(int i, int sign, const MeanGradient& mean) const {
+    int x = column(i);
+    int y = row(i);
+    if (mean.steep()) {
+      y += mean.x > 0.0F ? -sign : sign;
+    } else {
+      x += mean.y > 0.0F ? sign : -sign;
+    }
+    return strongestAcross(x, y, mean);
+  }
+
+  /// The pixel straight ahead where the ridge goes on for at least two pixels, or -1.
+  int beyondGap(int i, int sign, const MeanGradient& mean) const {
+    const float scale = static_cast<float>(sign) / std::max(std::abs(mean.x), std::abs(mean.y));
+    for (int gap = 2; gap <= kMaxGap; ++gap) {
+      const int x = column(i) + cvRound(mean.y * scale * static_cast<float>(gap));
+      const int y = row(i) - cvRound(mean.x * scale * static_cast<float>(gap));
+      const int landing = strongestAcross(x, y, mean);
+      if (landing >= 0 && neighbour(landing, sign, mean) >= 0) return landing;
+    }
+    return -1;
+  }
+
+  const short* gx_;
+  const short* gy_;
+  const ushort* magnitude_;
+  std::uint8_t* visited_;
+  int width_;
+  int height_;
+  int threshold_;
 };
 
-/// Walks from a pixel along the ridge; `sign` +1 follows the direction with the brighter side on the right hand.
-class ChainWalker {
- public:
-  ChainWalker(const GradientView& gradient, const cv::Mat& visited) : gradient_(gradient), visited_(visited) {}
+/// A straight piece of a chain: its line, and its pixels [begin, end).
+struct StraightPiece {
+  LineSegment segment;
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
 
-  /// Moves (x, y) one pixel on along the ridge, or over a gap; false at the end of the chain.
-  bool step(int sign, const MeanGradient& mean, int* x, int* y) const {
-    return stepToNeighbour(sign, mean, x, y) || jump(sign, mean, x, y);
-  }
-
- private:
-  bool usable(int x, int y, const MeanGradient& mean) const {
-    return gradient_.contains(x, y) && gradient_.isEdge(x, y) && !visited_.at<uchar>(y, x) &&
-           mean.agrees(gradient_.gx(x, y), gradient_.gy(x, y));
-  }
-
-  /// The strongest usable one of three pixels across the walk at (x, y).
-  bool strongestAcross(bool steep, const MeanGradient& mean, int* x, int* y) const {
-    int best = 0;
-    int best_shift = 0;
-    for (const int shift : {0, -1, 1}) {
-      const int cx = *x + (steep ? shift : 0);
-      const int cy = *y + (steep ? 0 : shift);
-      if (usable(cx, cy, mean) && gradient_.magnitude(cx, cy) > best) {
-        best = gradient_.magnitude(cx, cy);
-        best_shift = shift;
+/// The next straight piece from `begin` on: a seed is fitted, and grown while pixels lie on it.
+/// Empty at the chain's end.
+StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& places, std::size_t begin,
+                                double max_deviation) {
+  for (; begin + kSeedPixels <= places.size(); ++begin) {
+    LineFit fit;
+    for (std::size_t i = begin; i < begin + kSeedPixels; ++i) fit.add(places[i]);
+    fit.solve();
+    if (fit.varianceAcross() > 0.25 * max_deviation * max_deviation) continue;
+    std::size_t last = begin + kSeedPixels - 1;
+    int next_solve = 2 * kSeedPixels;
+    for (std::size_t i = last + 1; i < places.size() && i - last <= kMaxOutliersInRow; ++i) {
+      if (fit.distance(places[i]) > max_deviation) continue;
+      fit.add(places[i]);
+      last = i;
+      if (fit.count() >= next_solve) {
+        fit.solve();
+        next_solve += next_solve / 4;
       }
     }
-    (steep ? *x : *y) += best_shift;
-    return best > 0;
+    fit.solve();
+    return {{fit.project(places[begin]), fit.project(places[last])}, begin, last + 1};
   }
+  return {{}, places.size(), places.size()};
+}
 
-  bool stepToNeighbour(int sign, const MeanGradient& mean, int* x, int* y) const {
-    const bool steep = std::abs(mean.x) >= std::abs(mean.y);
-    int nx = *x;
-    int ny = *y;
-    if (steep) {
-      ny += mean.x > 0.0F ? -sign : sign;
-    } else {
-      nx += mean.y > 0.0F ? sign : -sign;
-    }
-    if (!strongestAcross(steep, mean, &nx, &ny)) return false;
-    *x = nx;
-    *y = ny;
-    return true;
-  }
-
-  bool jump(int sign, const MeanGradient& mean, int* x, int* y) const {
-    const bool steep = std::abs(mean.x) >= std::abs(mean.y);
-    const float scale = sign / std::max(std::abs(mean.x), std::abs(mean.y));
-    for (int gap = 2; gap <= kMaxGap; ++gap) {
-      int nx = *x + static_cast<int>(std::lround(mean.y * scale * gap));
-      int ny = *y - static_cast<int>(std::lround(mean.x * scale * gap));
-      if (!strongestAcross(steep, mean, &nx, &ny)) continue;
-      int ahead_x = nx;
-      int ahead_y = ny;
-      if (!stepToNeighbour(sign, mean, &ahead_x, &ahead_y)) continue;
-      *x = nx;
-      *y = ny;
-      return true;
-    }
-    return false;
-  }
-
-  const GradientView& gradient_;
-  const cv::Mat& visited_;
-};
-
-/// Fewest aligned pixels that make a segment of n pixels meaningful: number of false alarms <= 1 in the a-contrario model
-/// of von Gioi et al. 2010, sum_{i >= k} C(n, i) p^i (1 - p)^(n - i) * (width * height)^(5/2) <= 1.
+/// Least k with sum_{i >= k} C(n, i) p^i (1 - p)^(n - i) * 10^log10_tests <= 1; n + 1 if there is
+/// none.
 int fewestAlignedPixels(int n, double log10_tests) {
   const double log_p = std::log10(kAlignedProbability);
   const double log_q = std::log10(1.0 - kAlignedProbability);
   double log_binomial = 0.0;
-  double tail = 0.0;
+  double false_alarms = 0.0;
   for (int k = n; k > 0; --k) {
-    tail += std::pow(10.0, log_binomial + k * log_p + (n - k) * log_q + log10_tests);
-    if (tail > 1.0) return k + 1;
+    false_alarms += std::pow(10.0, log_binomial + k * log_p + (n - k) * log_q + log10_tests);
+    if (false_alarms > 1.0) return k + 1;
     log_binomial += std::log10(static_cast<double>(k)) - std::log10(static_cast<double>(n - k + 1));
   }
-  return 0;
-}
-
-/// The same for every n, looked up; beyond the table the share of its last entry is asked for, which is stricter.
-class ValidationTable {
- public:
-  ValidationTable(int width, int height) {
-    const double log10_tests = 2.5 * std::log10(static_cast<double>(width) * height);
-    for (int n = 0; n < static_cast<int>(fewest_.size()); ++n) fewest_[n] = fewestAlignedPixels(n, log10_tests);
-  }
-  bool meaningful(int n, int aligned) const {
-    const int last = static_cast<int>(fewest_.size()) - 1;
-    if (n <= last) return aligned >= fewest_[n];
-    return static_cast<double>(aligned) / n >= static_cast<double>(fewest_[last]) / last;
-  }
-
- private:
-  std::array<int, 257> fewest_{};
-};
-
-/// Pixels along a segment, one per pixel of length, and how many of their gradients point across it.
-bool isMeaningful(const LineSegment& segment, const GradientView& gradient, const ValidationTable& table) {
-  const Eigen::Vector2f direction = segment.direction();
-  MeanGradient normal;
-  normal.add(-direction.y(), direction.x());
-  const int n = static_cast<int>(segment.length()) + 1;
-  int aligned = 0;
-  for (int i = 0; i < n; ++i) {
-    const Eigen::Vector2f p = segment.start + direction * static_cast<float>(i);
-    const int x = static_cast<int>(std::lround(p.x()));
-    const int y = static_cast<int>(std::lround(p.y()));
-    if (!gradient.contains(x, y)) continue;
-    aligned += normal.agrees(gradient.gx(x, y), gradient.gy(x, y)) ? 1 : 0;
-  }
-  return table.meaningful(n, aligned);
+  return 1;
 }
 
 }  // namespace
@@ -264,94 +223,81 @@ GradientImage computeGradient(const cv::Mat& image) {
   return gradient;
 }
 
+AContrarioTable::AContrarioTable(cv::Size image_size) : image_size_(image_size) {
+  const double log10_tests = 2.5 * std::log10(static_cast<double>(image_size.area()));
+  for (int n = 0; n < kTableSize; ++n) fewest_.push_back(fewestAlignedPixels(n, log10_tests));
+}
+
+bool AContrarioTable::meaningful(int n, int aligned) const {
+  if (n < kTableSize) return aligned >= fewest_[n];
+  // Beyond the table the share of its last entry is asked for, which is stricter.
+  return static_cast<std::int64_t>(aligned) * (kTableSize - 1) >=
+         static_cast<std::int64_t>(fewest_.back()) * n;
+}
+
 void LineDetector::findAnchors(const GradientImage& gradient, int threshold) {
   constexpr int kBins = 256;
-  constexpr int kBinShift = 4;
-  std::array<std::vector<ChainPixel>, kBins> bins;
-  const std::size_t stride = gradient.magnitude.step1();
+  constexpr int kBinShift = 3;
+  const auto binOf = [](int magnitude) {
+    return kBins - 1 - std::min(magnitude >> kBinShift, kBins - 1);
+  };
+  std::array<int, kBins + 1> begins{};
+  const int width = gradient.magnitude.cols;
+  const ushort* all = gradient.magnitude.ptr<ushort>();
+  candidates_.clear();
   for (int y = 1; y < gradient.magnitude.rows - 1; ++y) {
     const ushort* magnitude = gradient.magnitude.ptr<ushort>(y);
     const short* gx = gradient.gx.ptr<short>(y);
     const short* gy = gradient.gy.ptr<short>(y);
-    for (int x = 1; x < gradient.magnitude.cols - 1; ++x) {
+    for (int x = 1; x < width - 1; ++x) {
       const int here = magnitude[x];
       if (here < threshold) continue;
-      const std::ptrdiff_t step =
-          std::abs(gx[x]) >= std::abs(gy[x]) ? 1 : static_cast<std::ptrdiff_t>(stride);
+      const int step = std::abs(gx[x]) >= std::abs(gy[x]) ? 1 : width;
       if (here <= magnitude[x - step] || here < magnitude[x + step]) continue;
-      bins[std::min(here >> kBinShift, kBins - 1)].push_back({x, y});
+      candidates_.push_back(y * width + x);
+      ++begins[binOf(here) + 1];
     }
   }
-  anchors_.clear();
-  for (int bin = kBins - 1; bin >= 0; --bin) {
-    anchors_.insert(anchors_.end(), bins[bin].begin(), bins[bin].end());
-  }
+  for (int bin = 1; bin <= kBins; ++bin) begins[bin] += begins[bin - 1];
+  anchors_.resize(candidates_.size());
+  for (const std::int32_t i : candidates_) anchors_[begins[binOf(all[i])]++] = i;
 }
 
 std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
+  std::vector<LineSegment> segments;
+  if (gradient.gx.cols < 3 || gradient.gx.rows < 3) return segments;
   const int threshold = static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale));
-  const GradientView view(gradient, threshold);
-  const ValidationTable table(gradient.gx.cols, gradient.gx.rows);
-  visited_.create(gradient.gx.size(), CV_8UC1);
-  visited_.setTo(0);
+  if (table_.imageSize() != gradient.gx.size()) table_ = AContrarioTable(gradient.gx.size());
+  visited_.assign(gradient.gx.total(), 0);
   findAnchors(gradient, threshold);
 
-  std::vector<LineSegment> segments;
-  const ChainWalker walker(view, visited_);
-  for (const ChainPixel& anchor : anchors_) {
-    if (visited_.at<uchar>(anchor.y, anchor.x)) continue;
+  RidgeWalker walker(gradient, threshold, visited_.data());
+  for (const std::int32_t anchor : anchors_) {
+    if (walker.visited(anchor)) continue;
     MeanGradient mean;
-    mean.add(view.gx(anchor.x, anchor.y), view.gy(anchor.x, anchor.y));
-    visited_.at<uchar>(anchor.y, anchor.x) = 1;
+    walker.visit(anchor, &mean);
     chain_.assign(1, anchor);
-    for (const int sign : {-1, 1}) {
-      int x = anchor.x;
-      int y = anchor.y;
-      while (walker.step(sign, mean, &x, &y)) {
-        visited_.at<uchar>(y, x) = 1;
-        mean.add(view.gx(x, y), view.gy(x, y));
-        chain_.push_back({x, y});
-      }
-      if (sign < 0) std::reverse(chain_.begin(), chain_.end());
-    }
+    walker.walk(-1, &mean, &chain_);
+    std::reverse(chain_.begin(), chain_.end());
+    walker.walk(1, &mean, &chain_);
     if (static_cast<double>(chain_.size()) < 0.5 * parameters_.min_length_px) continue;
-    std::vector<Eigen::Vector2f> pixels;
-    pixels.reserve(chain_.size());
-    for (const ChainPixel& p : chain_) pixels.push_back(view.subpixel(p.x, p.y));
 
-    // Cut the chain into straight pieces: a seed is fitted, and grown while pixels lie on it.
-    std::size_t begin = 0;
-    while (begin + kSeedPixels <= pixels.size()) {
-      LineFit fit;
-      for (std::size_t i = begin; i < begin + kSeedPixels; ++i) fit.add(pixels[i]);
-      fit.solve();
-      const double deviation = parameters_.max_deviation_px;
-      if (fit.varianceAcross() > 0.25 * deviation * deviation) {
-        ++begin;
-        continue;
-      }
-      std::size_t last_inlier = begin + kSeedPixels - 1;
-      int next_solve = 2 * kSeedPixels;
-      for (std::size_t i = last_inlier + 1; i < pixels.size() && i - last_inlier <= kMaxOutliersInRow; ++i) {
-        if (fit.distance(pixels[i]) > deviation) continue;
-        fit.add(pixels[i]);
-        last_inlier = i;
-        if (fit.count() >= next_solve) {
-          fit.solve();
-          next_solve += next_solve / 4;
-        }
-      }
-      fit.solve();
-      const LineSegment segment{fit.project(pixels[begin]), fit.project(pixels[last_inlier])};
-      if (segment.length() >= parameters_.min_length_px && isMeaningful(segment, view, table)) {
-        segments.push_back(segment);
-      }
-      begin = last_inlier + 1;
+    places_.clear();
+    for (const std::int32_t i : chain_) places_.push_back(walker.subpixel(i));
+    for (std::size_t begin = 0; begin < places_.size();) {
+      const StraightPiece piece = nextStraightPiece(places_, begin, parameters_.max_deviation_px);
+      begin = piece.end;
+      if (piece.segment.length() < parameters_.min_length_px) continue;
+      const int n = static_cast<int>(piece.segment.length()) + 1;
+      if (table_.meaningful(n, walker.countAligned(piece.segment, n)))
+        segments.push_back(piece.segment);
     }
   }
-  std::stable_sort(segments.begin(), segments.end(),
-                   [](const LineSegment& a, const LineSegment& b) { return a.length() > b.length(); });
-  if (static_cast<int>(segments.size()) > parameters_.max_count) segments.resize(parameters_.max_count);
+  std::stable_sort(
+      segments.begin(), segments.end(),
+      [](const LineSegment& a, const LineSegment& b) { return a.length() > b.length(); });
+  if (static_cast<int>(segments.size()) > parameters_.max_count)
+    segments.resize(parameters_.max_count);
   return segments;
 }
 

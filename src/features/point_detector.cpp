@@ -14,10 +14,12 @@ constexpr int kPatternRadius = 13;  // of the comparisons; turned ones reach sqr
 constexpr int kBorder = 20;         // px from the image's border that patch and pattern need
 constexpr double kPi = 3.14159265358979323846;
 
-/// Approximately normal numbers from a generator that the standard fixes, so that descriptors are the same everywhere.
+/// Approximately normal numbers from a generator that the standard fixes, so that descriptors are
+/// the same everywhere.
 class PatternGenerator {
  public:
-  /// One coordinate, standard deviation a fifth of the patch as in BRIEF (Calonder et al. 2010), within the pattern.
+  /// One coordinate, standard deviation a fifth of the patch as in BRIEF (Calonder et al. 2010),
+  /// within the pattern.
   double coordinate() {
     const double sigma = (2 * kPatchRadius + 1) / 5.0;
     for (;;) {
@@ -37,8 +39,8 @@ float orientation(const cv::Mat& image, cv::Point centre) {
   int moment_x = 0;
   int moment_y = 0;
   for (int dy = -kPatchRadius; dy <= kPatchRadius; ++dy) {
-    const int half_width =
-        static_cast<int>(std::sqrt(static_cast<float>(kPatchRadius * kPatchRadius - dy * dy)) + 0.5F);
+    const int half_width = static_cast<int>(
+        std::sqrt(static_cast<float>(kPatchRadius * kPatchRadius - dy * dy)) + 0.5F);
     const uchar* row = image.ptr<uchar>(centre.y + dy) + centre.x;
     int row_sum = 0;
     for (int dx = -half_width; dx <= half_width; ++dx) {
@@ -66,9 +68,9 @@ std::vector<cv::KeyPoint> strongestPerCell(const std::vector<cv::KeyPoint>& corn
   std::vector<cv::KeyPoint> kept;
   const auto quota = static_cast<std::size_t>(parameters.max_per_cell);
   for (std::vector<cv::KeyPoint>& content : cells) {
-    std::stable_sort(content.begin(), content.end(), [](const cv::KeyPoint& a, const cv::KeyPoint& b) {
-      return a.response > b.response;
-    });
+    std::stable_sort(
+        content.begin(), content.end(),
+        [](const cv::KeyPoint& a, const cv::KeyPoint& b) { return a.response > b.response; });
     if (content.size() > quota) content.resize(quota);
     kept.insert(kept.end(), content.begin(), content.end());
   }
@@ -93,13 +95,15 @@ PointDetector::PointDetector(const PointParameters& parameters) : parameters_(pa
     };
     for (int bit = 0; bit < kBits; ++bit) {
       const auto& comparison = upright[bit];
-      patterns_[rotation][bit] = {turned(comparison[0], comparison[1]), turned(comparison[2], comparison[3])};
+      patterns_[rotation][bit] = {turned(comparison[0], comparison[1]),
+                                  turned(comparison[2], comparison[3])};
     }
   }
 }
 
 Descriptor PointDetector::describe(const cv::Mat& smooth, cv::Point centre, float angle_rad) const {
-  const int rotation = static_cast<int>(std::lround(angle_rad * kRotations / (2.0 * kPi))) % kRotations;
+  const int rotation =
+      static_cast<int>(std::lround(angle_rad * kRotations / (2.0 * kPi))) % kRotations;
   const Pattern& pattern = patterns_[rotation];
   const auto step = static_cast<std::ptrdiff_t>(smooth.step1());
   const uchar* origin = smooth.ptr<uchar>(centre.y) + centre.x;
@@ -113,7 +117,8 @@ Descriptor PointDetector::describe(const cv::Mat& smooth, cv::Point centre, floa
   return descriptor;
 }
 
-void PointDetector::detectLevel(const cv::Mat& image, int octave, std::vector<PointFeature>* features) const {
+void PointDetector::detectLevel(const cv::Mat& image, int octave,
+                                std::vector<PointFeature>* features) const {
   if (image.cols <= 2 * kBorder || image.rows <= 2 * kBorder) return;
   const cv::Rect inside(kBorder, kBorder, image.cols - 2 * kBorder, image.rows - 2 * kBorder);
   std::vector<cv::KeyPoint> corners;
@@ -123,7 +128,8 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave, std::vector<Po
   cv::GaussianBlur(image, smooth, cv::Size(7, 7), 2.0, 2.0, cv::BORDER_REPLICATE);
   const auto scale = static_cast<float>(std::pow(parameters_.scale_factor, octave));
   for (const cv::KeyPoint& corner : strongestPerCell(corners, inside.size(), parameters_)) {
-    const cv::Point centre(static_cast<int>(corner.pt.x) + kBorder, static_cast<int>(corner.pt.y) + kBorder);
+    const cv::Point centre(static_cast<int>(corner.pt.x) + kBorder,
+                           static_cast<int>(corner.pt.y) + kBorder);
     PointFeature feature;
     // Centres of pixels: level pixel i covers full-resolution pixels (i + 0.5) * scale - 0.5.
     feature.pixel = {(static_cast<float>(centre.x) + 0.5F) * scale - 0.5F,
@@ -145,8 +151,8 @@ std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) const {
     }
     const double scale = std::pow(parameters_.scale_factor, octave);
     cv::Mat smaller;
-    cv::resize(image, smaller, cv::Size(cvRound(image.cols / scale), cvRound(image.rows / scale)), 0, 0,
-               cv::INTER_LINEAR);
+    cv::resize(image, smaller, cv::Size(cvRound(image.cols / scale), cvRound(image.rows / scale)),
+               0, 0, cv::INTER_LINEAR);
     detectLevel(smaller, octave, &features);
   }
   return features;

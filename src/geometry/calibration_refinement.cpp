@@ -10,8 +10,9 @@ namespace {
 
 constexpr double kMemoryFrames = 1000.0;  // after which information has faded to 1/e
 
-// What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms(). Of the disparity, the terms
-// without x are nearly held: over two frames their effect on the flow is hardly told from that of a wrong speed.
+// What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms().
+// Of the disparity, the terms without x are nearly held: over two frames their effect on the flow
+// is hardly told from that of a wrong speed.
 constexpr double kFreePx = 0.5;
 constexpr double kHeldPx = 0.02;
 RightImageCorrection::Coefficients disparitySigma() {
@@ -22,7 +23,8 @@ RightImageCorrection::Coefficients disparitySigma() {
 
 }  // namespace
 
-RightImageCorrection::Coefficients RightImageCorrection::terms(const Eigen::Vector2d& right_px) const {
+RightImageCorrection::Coefficients RightImageCorrection::terms(
+    const Eigen::Vector2d& right_px) const {
   const double x = scale_ * (right_px.x() - centre_.x());
   const double y = scale_ * (right_px.y() - centre_.y());
   Coefficients terms;
@@ -38,7 +40,8 @@ Eigen::Vector2d RightImageCorrection::apply(const Eigen::Vector2d& right_px) con
 CalibrationRefinement::Belief::Belief(const Coefficients& prior_sigma)
     : prior(prior_sigma.cwiseAbs2().cwiseInverse().asDiagonal()), information(prior) {}
 
-void CalibrationRefinement::Belief::add(const Information& more_information, const Coefficients& more_vector) {
+void CalibrationRefinement::Belief::add(const Information& more_information,
+                                        const Coefficients& more_vector) {
   const double fading = 1.0 - 1.0 / kMemoryFrames;
   information = prior + fading * (information - prior) + more_information;
   vector = fading * vector + more_vector;
@@ -49,7 +52,10 @@ RightImageCorrection::Coefficients CalibrationRefinement::Belief::mean() const {
 }
 
 CalibrationRefinement::CalibrationRefinement(const StereoCamera& camera)
-    : camera_(camera), correction_(camera), u_(disparitySigma()), v_(Coefficients::Constant(kFreePx)) {}
+    : camera_(camera),
+      correction_(camera),
+      u_(disparitySigma()),
+      v_(Coefficients::Constant(kFreePx)) {}
 
 void CalibrationRefinement::addRows(const std::vector<RowSample>& samples, double sigma_px) {
   Information information = Information::Zero();
@@ -57,7 +63,8 @@ void CalibrationRefinement::addRows(const std::vector<RowSample>& samples, doubl
   for (const RowSample& sample : samples) {
     const Coefficients terms = correction_.terms(sample.right_px);
     const double residual = sample.row_difference_px - correction_.v.dot(terms);
-    const double weight = std::min(1.0, 3.0 * sigma_px / std::max(std::abs(residual), 1e-9)) / (sigma_px * sigma_px);
+    const double weight =
+        std::min(1.0, 3.0 * sigma_px / std::max(std::abs(residual), 1e-9)) / (sigma_px * sigma_px);
     information += weight * terms * terms.transpose();
     vector += weight * sample.row_difference_px * terms;
   }
@@ -65,11 +72,13 @@ void CalibrationRefinement::addRows(const std::vector<RowSample>& samples, doubl
   correction_.v = v_.mean();
 }
 
-void CalibrationRefinement::addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
+void CalibrationRefinement::addMotion(const Correspondences& correspondences,
+                                      const MotionEstimate& motion,
                                       const MotionParameters& parameters) {
   Matrix6d by_motion = Matrix6d::Zero();
   Information by_terms = Information::Zero();
-  Eigen::Matrix<double, RightImageCorrection::kTerms, 6> mixed = Eigen::Matrix<double, RightImageCorrection::kTerms, 6>::Zero();
+  Eigen::Matrix<double, RightImageCorrection::kTerms, 6> mixed =
+      Eigen::Matrix<double, RightImageCorrection::kTerms, 6>::Zero();
   Vector6d motion_vector = Vector6d::Zero();
   Coefficients terms_vector = Coefficients::Zero();
   for (std::size_t i = 0; i < correspondences.points.size(); ++i) {
@@ -77,13 +86,15 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences, co
     const PointCorrespondence& point = correspondences.points[i];
     const PointResidual residual(point, camera_, motion.T_curr_prev, ResidualImages::kBoth);
     if (!residual.valid) continue;
-    Eigen::Matrix3d covariance = residual.by_point * point.covariance * residual.by_point.transpose();
+    Eigen::Matrix3d covariance =
+        residual.by_point * point.covariance * residual.by_point.transpose();
     covariance.diagonal().array() += point.sigma_px * point.sigma_px;
     const Eigen::Matrix3d weight = covariance.inverse();
     const double norm = std::sqrt(residual.value.dot(weight * residual.value));
     const double huber = norm > parameters.huber_delta ? parameters.huber_delta / norm : 1.0;
 
-    // A larger correction moves the triangulated point nearer and the observed right pixel to the left.
+    // A larger correction moves the triangulated point nearer and the observed right pixel to the
+    // left.
     const double disparity = camera_.fx * camera_.baseline_m / point.p_prev.z();
     const Eigen::Vector2d prev_right = camera_.projectRight(point.p_prev);
     Eigen::Matrix<double, 3, RightImageCorrection::kTerms> J =

@@ -4,14 +4,16 @@
 
 namespace point_line_odometry {
 
-PlueckerLine PlueckerLine::throughPoints(const Eigen::Vector4d& first, const Eigen::Vector4d& second) {
+PlueckerLine PlueckerLine::throughPoints(const Eigen::Vector4d& first,
+                                         const Eigen::Vector4d& second) {
   PlueckerLine line;
   line.n = first.head<3>().cross(second.head<3>());
   line.v = first.w() * second.head<3>() - second.w() * first.head<3>();
   return line;
 }
 
-PlueckerLine PlueckerLine::throughPoints(const Eigen::Vector3d& first, const Eigen::Vector3d& second) {
+PlueckerLine PlueckerLine::throughPoints(const Eigen::Vector3d& first,
+                                         const Eigen::Vector3d& second) {
   return throughPoints(Eigen::Vector4d(first.homogeneous()), Eigen::Vector4d(second.homogeneous()));
 }
 

@@ -7,7 +7,8 @@ namespace point_line_odometry {
 namespace {
 
 /// Derivative of backProject() by (u, v, disparity).
-Eigen::Matrix3d backProjectJacobian(const StereoCamera& camera, const Eigen::Vector3d& p, double disparity_px) {
+Eigen::Matrix3d backProjectJacobian(const StereoCamera& camera, const Eigen::Vector3d& p,
+                                    double disparity_px) {
   const double z = p.z();
   Eigen::Matrix3d J;
   J << z / camera.fx, 0.0, -p.x() / disparity_px,  //
@@ -23,14 +24,15 @@ double parameterAtRow(const LineSegment& segment, double v) {
 
 }  // namespace
 
-Eigen::Vector3d backProject(const StereoCamera& camera, const Eigen::Vector2d& left_px, double disparity_px) {
+Eigen::Vector3d backProject(const StereoCamera& camera, const Eigen::Vector2d& left_px,
+                            double disparity_px) {
   const double z = camera.fx * camera.baseline_m / disparity_px;
   return {(left_px.x() - camera.cx) * z / camera.fx, (left_px.y() - camera.cy) * z / camera.fy, z};
 }
 
-std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera, const Eigen::Vector2d& left_px,
-                                                  double right_u_px, double sigma_px,
-                                                  double min_disparity_px) {
+std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,
+                                                  const Eigen::Vector2d& left_px, double right_u_px,
+                                                  double sigma_px, double min_disparity_px) {
   const double disparity = left_px.x() - right_u_px;
   if (!(disparity >= min_disparity_px)) return std::nullopt;
   TriangulatedPoint point;
@@ -50,7 +52,8 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
   const Eigen::Vector2d along_left = left.direction().cast<double>();
   const Eigen::Vector2d along_right = right.direction().cast<double>();
   const double min_sine = std::sin(limits.min_angle_rad);
-  if (!(std::abs(along_left.y()) >= min_sine && std::abs(along_right.y()) >= min_sine)) return std::nullopt;
+  if (!(std::abs(along_left.y()) >= min_sine && std::abs(along_right.y()) >= min_sine))
+    return std::nullopt;
 
   // The noise has four sources: left start, left end, right start, right end, each across its line.
   const Eigen::Vector2d across_left(-along_left.y(), along_left.x());
@@ -61,9 +64,11 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
     const Eigen::Vector2d pixel = (end == 0 ? left.start : left.end).cast<double>();
     const double s = parameterAtRow(right, pixel.y());
     if (s < -limits.max_extrapolation || s > 1.0 + limits.max_extrapolation) return std::nullopt;
-    const double right_u = right.start.x() + s * (static_cast<double>(right.end.x()) - right.start.x());
+    const double right_u =
+        right.start.x() + s * (static_cast<double>(right.end.x()) - right.start.x());
     const double disparity = pixel.x() - right_u;
-    if (!(disparity >= limits.min_disparity_px && disparity <= limits.max_disparity_px)) return std::nullopt;
+    if (!(disparity >= limits.min_disparity_px && disparity <= limits.max_disparity_px))
+      return std::nullopt;
 
     const Eigen::Vector3d p = backProject(camera, pixel, disparity);
     (end == 0 ? line.start_camera : line.end_camera) = p;
@@ -72,7 +77,8 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
     const double left_shift = across_left.x() - slope * across_left.y();
     J.block<3, 1>(3 * end, end) =
         J_pixel * Eigen::Vector3d(across_left.x(), across_left.y(), left_shift);
-    const double right_shift = 1.0 / across_right.x();  // of the right line along the row, per pixel across
+    const double right_shift =
+        1.0 / across_right.x();  // of the right line along the row, per pixel across
     const Eigen::Vector3d by_right = -J_pixel.col(2) * right_shift;
     J.block<3, 1>(3 * end, 2) = (1.0 - s) * by_right;
     J.block<3, 1>(3 * end, 3) = s * by_right;

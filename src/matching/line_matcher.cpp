@@ -16,14 +16,16 @@ struct SegmentLimits {
   float min_length_ratio;
 
   explicit SegmentLimits(const MatchingParameters& parameters)
-      : min_cosine(static_cast<float>(std::cos(parameters.max_line_angle_deg * 3.14159265358979323846 / 180.0))),
+      : min_cosine(static_cast<float>(
+            std::cos(parameters.max_line_angle_deg * 3.14159265358979323846 / 180.0))),
         min_overlap(static_cast<float>(parameters.min_line_overlap)),
         min_length_ratio(static_cast<float>(parameters.min_line_length_ratio)) {}
 };
 
 /// Length of the common part of two intervals over the length of the shorter.
 float overlapRatio(float a0, float a1, float b0, float b1) {
-  const float common = std::min(std::max(a0, a1), std::max(b0, b1)) - std::max(std::min(a0, a1), std::min(b0, b1));
+  const float common =
+      std::min(std::max(a0, a1), std::max(b0, b1)) - std::max(std::min(a0, a1), std::min(b0, b1));
   const float shorter = std::min(std::abs(a1 - a0), std::abs(b1 - b0));
   return shorter > 0.0F ? common / shorter : 0.0F;
 }
@@ -43,7 +45,8 @@ float distanceToInfiniteLine(const LineSegment& line, const Eigen::Vector2f& p) 
 }
 
 bool collinear(const LineSegment& a, const LineSegment& b) {
-  return distanceToInfiniteLine(a, b.start) < kCollinearPx && distanceToInfiniteLine(a, b.end) < kCollinearPx;
+  return distanceToInfiniteLine(a, b.start) < kCollinearPx &&
+         distanceToInfiniteLine(a, b.end) < kCollinearPx;
 }
 
 /// Best and second-best descriptor; a piece of the same edge as the best is not a rival.
@@ -54,12 +57,15 @@ class LineSearch {
   void offer(int index, int distance) { offers_.push_back({index, distance}); }
 
   int accepted(const MatchingParameters& parameters) const {
-    const auto best = std::min_element(offers_.begin(), offers_.end(), [](const Offer& a, const Offer& b) {
-      return a.distance != b.distance ? a.distance < b.distance : a.index < b.index;
-    });
+    const auto best =
+        std::min_element(offers_.begin(), offers_.end(), [](const Offer& a, const Offer& b) {
+          return a.distance != b.distance ? a.distance < b.distance : a.index < b.index;
+        });
     if (best == offers_.end() || best->distance > parameters.max_line_distance) return -1;
     for (const Offer& other : offers_) {
-      if (other.index == best->index || best->distance <= parameters.max_distance_ratio * other.distance) continue;
+      if (other.index == best->index ||
+          best->distance <= parameters.max_distance_ratio * other.distance)
+        continue;
       if (!collinear(candidates_[best->index], candidates_[other.index])) return -1;
     }
     return best->index;
@@ -90,7 +96,8 @@ LineViews viewsOf(const std::vector<LineFeature>& features) {
   return views;
 }
 
-/// Disparity range in which a left and a right segment may pair; `sign` is +1 from left to right, -1 back.
+/// Disparity range in which a left and a right segment may pair; `sign` is +1 from left to right,
+/// -1 back.
 std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int sign,
                                 const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
@@ -112,7 +119,8 @@ std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int 
                : overlapRatio(a.start.y(), a.end.y(), b.start.y(), b.end.y()) >= limits.min_overlap;
       const float disparity = sign * (a.middle().x() - b.middle().x());
       const float slack = 0.5F * (a.length() + b.length());  // end points slide along the edge
-      if (!share_rows || disparity < -slack || disparity > parameters.max_disparity_px + slack) return;
+      if (!share_rows || disparity < -slack || disparity > parameters.max_disparity_px + slack)
+        return;
       search.offer(k, hammingDistance(from.descriptors[i], to.descriptors[k]));
     });
     partners[i] = search.accepted(parameters);
@@ -121,8 +129,9 @@ std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int 
 }
 
 /// For each segment of `from` the best of `to` that lies near its expected place, or -1.
-std::vector<int> bestNearExpected(const std::vector<Descriptor>& from, const std::vector<LineSegment>& expected,
-                                  const LineViews& to, double radius_px, const MatchingParameters& parameters) {
+std::vector<int> bestNearExpected(const std::vector<Descriptor>& from,
+                                  const std::vector<LineSegment>& expected, const LineViews& to,
+                                  double radius_px, const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
   const SegmentGrid grid(to.segments);
   const auto radius = static_cast<float>(radius_px);
@@ -132,28 +141,32 @@ std::vector<int> bestNearExpected(const std::vector<Descriptor>& from, const std
     const Eigen::Vector2f reach(radius, radius);
     const Eigen::Vector2f along = a.direction();
     LineSearch search(to.segments);
-    grid.forEachNear({a.start.cwiseMin(a.end) - reach, a.start.cwiseMax(a.end) + reach}, [&](int k) {
-      const LineSegment& b = to.segments[k];
-      if (!alike(a, b, limits) || distanceToInfiniteLine(a, b.middle()) > radius) return;
-      if (overlapRatio(0.0F, a.length(), along.dot(b.start - a.start), along.dot(b.end - a.start)) <
-          limits.min_overlap) {
-        return;
-      }
-      search.offer(k, hammingDistance(from[i], to.descriptors[k]));
-    });
+    grid.forEachNear({a.start.cwiseMin(a.end) - reach, a.start.cwiseMax(a.end) + reach},
+                     [&](int k) {
+                       const LineSegment& b = to.segments[k];
+                       if (!alike(a, b, limits) || distanceToInfiniteLine(a, b.middle()) > radius)
+                         return;
+                       if (overlapRatio(0.0F, a.length(), along.dot(b.start - a.start),
+                                        along.dot(b.end - a.start)) < limits.min_overlap) {
+                         return;
+                       }
+                       search.offer(k, hammingDistance(from[i], to.descriptors[k]));
+                     });
     partners[i] = search.accepted(parameters);
   }
   return partners;
 }
 
-LineSegment project(const StereoCamera& camera, const Eigen::Vector3d& start, const Eigen::Vector3d& end, bool left) {
+LineSegment project(const StereoCamera& camera, const Eigen::Vector3d& start,
+                    const Eigen::Vector3d& end, bool left) {
   if (left) return {camera.projectLeft(start).cast<float>(), camera.projectLeft(end).cast<float>()};
   return {camera.projectRight(start).cast<float>(), camera.projectRight(end).cast<float>()};
 }
 
 }  // namespace
 
-std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left, const std::vector<LineFeature>& right,
+std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
+                                        const std::vector<LineFeature>& right,
                                         const MatchingParameters& parameters) {
   const LineViews left_views = viewsOf(left);
   const LineViews right_views = viewsOf(right);
@@ -168,8 +181,10 @@ std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left, co
   return pairs;
 }
 
-std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr, const StereoCamera& camera,
-                                          const MotionPrediction& prediction, const MatchingParameters& parameters) {
+std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
+                                          const StereoCamera& camera,
+                                          const MotionPrediction& prediction,
+                                          const MatchingParameters& parameters) {
   // Lines of k-1 that can be placed in the images of frame k, and where.
   std::vector<int> prev_index;
   LineViews expected_left;
@@ -182,8 +197,10 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
     const Eigen::Vector3d end = prediction.T_curr_prev * line.triangulated->end_camera;
     if (start.z() < nearest_m || end.z() < nearest_m) continue;
     prev_index.push_back(static_cast<int>(i));
-    expected_left.add(project(camera, start, end, true), prev.features.lines_left[line.left].descriptor);
-    expected_right.add(project(camera, start, end, false), prev.features.lines_right[line.right].descriptor);
+    expected_left.add(project(camera, start, end, true),
+                      prev.features.lines_left[line.left].descriptor);
+    expected_right.add(project(camera, start, end, false),
+                       prev.features.lines_right[line.right].descriptor);
   }
   LineViews curr_left;
   LineViews curr_right;
@@ -195,13 +212,15 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
   }
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
-  const std::vector<int> forward = bestNearExpected(expected_right.descriptors, expected_right.segments, curr_right,
-                                                    prediction.radius_px, parameters);
-  const std::vector<int> backward = bestNearExpected(curr_left.descriptors, curr_left.segments, expected_left,
-                                                     prediction.radius_px, parameters);
+  const std::vector<int> forward =
+      bestNearExpected(expected_right.descriptors, expected_right.segments, curr_right,
+                       prediction.radius_px, parameters);
+  const std::vector<int> backward = bestNearExpected(
+      curr_left.descriptors, curr_left.segments, expected_left, prediction.radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
-    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i)) pairs.push_back({prev_index[i], forward[i]});
+    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
+      pairs.push_back({prev_index[i], forward[i]});
   }
   return pairs;
 }
@@ -211,8 +230,9 @@ StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParame
           matchLinesStereo(features.lines_left, features.lines_right, parameters)};
 }
 
-CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr, const StereoCamera& camera,
-                              const MotionPrediction& prediction, const MatchingParameters& parameters) {
+CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
+                              const StereoCamera& camera, const MotionPrediction& prediction,
+                              const MatchingParameters& parameters) {
   return {matchPointsCircular(prev, curr, camera, prediction, parameters),
           matchLinesCircular(prev, curr, camera, prediction, parameters)};
 }

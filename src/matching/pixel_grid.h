@@ -6,7 +6,8 @@
 
 namespace point_line_odometry {
 
-/// Looks up things by their pixel: square cells, contents in one array ordered by cell. Pixels outside go to the border cells.
+/// Looks up things by their pixel: square cells, contents in one array ordered by cell. Pixels
+/// outside go to the border cells.
 class PixelGrid {
  public:
   PixelGrid(int width, int height, int cell_px)
@@ -23,10 +24,12 @@ class PixelGrid {
     for (std::size_t c = 1; c < begins_.size(); ++c) begins_[c] += begins_[c - 1];
     contents_.resize(pixels.size());
     std::vector<int> next(begins_.begin(), begins_.end() - 1);
-    for (std::size_t i = 0; i < pixels.size(); ++i) contents_[next[cells[i]]++] = static_cast<int>(i);
+    for (std::size_t i = 0; i < pixels.size(); ++i)
+      contents_[next[cells[i]]++] = static_cast<int>(i);
   }
 
-  /// Calls visit(i) for every element in the cells that the rectangle touches; the caller tests the exact place.
+  /// Calls visit(i) for every element in the cells that the rectangle touches; the caller tests the
+  /// exact place.
   template <typename Visit>
   void forEachNear(const Eigen::Vector2f& low, const Eigen::Vector2f& high, Visit&& visit) const {
     if (begins_.empty()) return;
@@ -44,7 +47,7 @@ class PixelGrid {
   int cell_;
   int columns_;
   int rows_;
-  std::vector<int> begins_;    // of each cell in contents_, one more at the end
+  std::vector<int> begins_;  // of each cell in contents_, one more at the end
   std::vector<int> contents_;
 };
 

@@ -40,7 +40,8 @@ int bestWithin(const PointFeature& from, const std::vector<PointFeature>& to, co
   return search.accepted(parameters.max_point_distance, parameters.max_distance_ratio);
 }
 
-/// One leg of the circle between frames: for each point of `from` the best of `to` in a disc round its expected pixel, or -1.
+/// One leg of the circle between frames: for each point of `from` the best of `to` in a disc round
+/// its expected pixel, or -1.
 struct TemporalLeg {
   const std::vector<Descriptor>& from;
   const std::vector<Eigen::Vector2f>& expected;
@@ -48,7 +49,8 @@ struct TemporalLeg {
   const std::vector<Eigen::Vector2f>& to_pixels;
 };
 
-std::vector<int> bestInDiscs(const TemporalLeg& leg, double radius_px, const MatchingParameters& parameters) {
+std::vector<int> bestInDiscs(const TemporalLeg& leg, double radius_px,
+                             const MatchingParameters& parameters) {
   const PixelGrid grid = makeGrid(leg.to_pixels);
   const auto radius = static_cast<float>(radius_px);
   const Eigen::Vector2f reach(radius, radius);
@@ -99,21 +101,24 @@ std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < left.size(); ++i) {
     const Eigen::Vector2f& pixel = left[i].pixel;
-    const Eigen::AlignedBox2f in_right(Eigen::Vector2f(pixel.x() - max_disparity, pixel.y() - rows),
-                                       Eigen::Vector2f(pixel.x() - min_disparity, pixel.y() + rows));
+    const Eigen::AlignedBox2f in_right(
+        Eigen::Vector2f(pixel.x() - max_disparity, pixel.y() - rows),
+        Eigen::Vector2f(pixel.x() - min_disparity, pixel.y() + rows));
     const int partner = bestWithin(left[i], right, right_grid, in_right, parameters);
     if (partner < 0) continue;
     const Eigen::Vector2f& back = right[partner].pixel;
     const Eigen::AlignedBox2f in_left(Eigen::Vector2f(back.x() + min_disparity, back.y() - rows),
                                       Eigen::Vector2f(back.x() + max_disparity, back.y() + rows));
-    if (bestWithin(right[partner], left, left_grid, in_left, parameters) != static_cast<int>(i)) continue;
+    if (bestWithin(right[partner], left, left_grid, in_left, parameters) != static_cast<int>(i))
+      continue;
     pairs.push_back({static_cast<int>(i), partner});
   }
   return pairs;
 }
 
 std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
-                                           const StereoCamera& camera, const MotionPrediction& prediction,
+                                           const StereoCamera& camera,
+                                           const MotionPrediction& prediction,
                                            const MatchingParameters& parameters) {
   const StereoPointViews prev_views(prev);
   const StereoPointViews curr_views(curr);
@@ -128,8 +133,9 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
   }
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
-  const std::vector<int> forward = bestInDiscs({prev_views.right, expected_right, curr_views.right, curr_views.right_px},
-                                               prediction.radius_px, parameters);
+  const std::vector<int> forward =
+      bestInDiscs({prev_views.right, expected_right, curr_views.right, curr_views.right_px},
+                  prediction.radius_px, parameters);
   std::vector<int> finite;
   std::vector<Descriptor> prev_left;
   std::vector<Eigen::Vector2f> prev_left_expected;
@@ -139,13 +145,15 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
     prev_left.push_back(prev_views.left[i]);
     prev_left_expected.push_back(expected_left[i]);
   }
-  const std::vector<int> backward = bestInDiscs({curr_views.left, curr_views.left_px, prev_left, prev_left_expected},
-                                                prediction.radius_px, parameters);
+  const std::vector<int> backward =
+      bestInDiscs({curr_views.left, curr_views.left_px, prev_left, prev_left_expected},
+                  prediction.radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
     const int partner = forward[i];
     if (partner < 0 || backward[partner] < 0) continue;
-    if (finite[backward[partner]] == static_cast<int>(i)) pairs.push_back({static_cast<int>(i), partner});
+    if (finite[backward[partner]] == static_cast<int>(i))
+      pairs.push_back({static_cast<int>(i), partner});
   }
   return pairs;
 }

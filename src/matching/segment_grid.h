@@ -9,7 +9,8 @@
 
 namespace point_line_odometry {
 
-/// Looks up segments by a box: each is registered in the square cells that it crosses. Cells outside belong to the border.
+/// Looks up segments by a box: each is registered in the square cells that it crosses. Cells
+/// outside belong to the border.
 class SegmentGrid {
  public:
   explicit SegmentGrid(const std::vector<LineSegment>& segments) {
@@ -50,8 +51,10 @@ class SegmentGrid {
     const int steps = static_cast<int>(segment.length() / (0.5F * kCellPx)) + 1;
     std::size_t last = cells_.size();
     for (int k = 0; k <= steps; ++k) {
-      const Eigen::Vector2f p = segment.start + (segment.end - segment.start) * (static_cast<float>(k) / steps);
-      const std::size_t here = static_cast<std::size_t>(clampRow(p.y())) * columns_ + clampColumn(p.x());
+      const Eigen::Vector2f p =
+          segment.start + (segment.end - segment.start) * (static_cast<float>(k) / steps);
+      const std::size_t here =
+          static_cast<std::size_t>(clampRow(p.y())) * columns_ + clampColumn(p.x());
       if (here != last) cells_[here].push_back(index);
       last = here;
     }

@@ -15,7 +15,8 @@ constexpr float kConvergedPx = 0.01F;
 constexpr float kMaxShiftPx = 2.5F;    // from the initial place
 constexpr float kMaxResidual = 20.0F;  // RMS of the brightness difference [grey levels]
 
-/// Pixel weights of bilinear interpolation at a place; valid if the whole patch and one pixel round it lie in the image.
+/// Pixel weights of bilinear interpolation at a place; valid if the whole patch and one pixel round
+/// it lie in the image.
 struct Sampler {
   const uchar* origin = nullptr;  // top-left pixel of the patch
   std::size_t step = 0;
@@ -25,7 +26,8 @@ struct Sampler {
   Sampler(const cv::Mat& image, const Eigen::Vector2f& centre, int radius) {
     const int x = static_cast<int>(std::floor(centre.x()));
     const int y = static_cast<int>(std::floor(centre.y()));
-    valid = x - radius >= 0 && y - radius >= 0 && x + radius + 1 < image.cols && y + radius + 1 < image.rows;
+    valid = x - radius >= 0 && y - radius >= 0 && x + radius + 1 < image.cols &&
+            y + radius + 1 < image.rows;
     if (!valid) return;
     const float a = centre.x() - static_cast<float>(x);
     const float b = centre.y() - static_cast<float>(y);
@@ -56,7 +58,8 @@ float mean(const std::array<float, kArea>& values) {
   return sum / kArea;
 }
 
-/// Patch of the reference image: brightness less its mean, gradient less its mean, and the inverse of the normal matrix.
+/// Patch of the reference image: brightness less its mean, gradient less its mean, and the inverse
+/// of the normal matrix.
 struct Template {
   std::array<float, kArea> brightness;
   std::array<float, kArea> gx;
@@ -97,8 +100,10 @@ struct Template {
 
 }  // namespace
 
-std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference, const Eigen::Vector2f& reference_px,
-                                          const cv::Mat& target, const Eigen::Vector2f& initial_px) {
+std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
+                                          const Eigen::Vector2f& reference_px,
+                                          const cv::Mat& target,
+                                          const Eigen::Vector2f& initial_px) {
   const Template patch(reference, reference_px);
   if (!patch.valid) return std::nullopt;
   Eigen::Vector2f pixel = initial_px;
@@ -120,7 +125,8 @@ std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference, const Eigen:
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
     if (step.squaredNorm() < kConvergedPx * kConvergedPx) {
-      return squares <= kArea * kMaxResidual * kMaxResidual ? std::make_optional(pixel) : std::nullopt;
+      return squares <= kArea * kMaxResidual * kMaxResidual ? std::make_optional(pixel)
+                                                            : std::nullopt;
     }
   }
   return std::nullopt;

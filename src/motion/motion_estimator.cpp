@@ -17,10 +17,11 @@ ResidualImages residualImages(const MotionParameters& parameters) {
   return parameters.residual_images == "left" ? ResidualImages::kLeft : ResidualImages::kBoth;
 }
 
-/// Inverse square root of a residual's covariance: pixel noise, and the triangulation's carried through the residual.
+/// Inverse square root of a residual's covariance: pixel noise, and the triangulation's carried
+/// through the residual.
 template <typename Jacobian, typename Covariance>
-Eigen::MatrixXd sqrtInformation(double sigma_px, const Jacobian& by_landmark, const Covariance& covariance,
-                                bool use_covariance) {
+Eigen::MatrixXd sqrtInformation(double sigma_px, const Jacobian& by_landmark,
+                                const Covariance& covariance, bool use_covariance) {
   const int rows = static_cast<int>(by_landmark.rows());
   Eigen::MatrixXd total = sigma_px * sigma_px * Eigen::MatrixXd::Identity(rows, rows);
   if (use_covariance) total += by_landmark * covariance * by_landmark.transpose();
@@ -28,10 +29,12 @@ Eigen::MatrixXd sqrtInformation(double sigma_px, const Jacobian& by_landmark, co
   return cholesky.matrixL().solve(Eigen::MatrixXd::Identity(rows, rows));
 }
 
-/// The least-squares problem of one frame: which matches take part, their weights, and its solution.
+/// The least-squares problem of one frame: which matches take part, their weights, and its
+/// solution.
 class MotionProblem {
  public:
-  MotionProblem(const Correspondences& correspondences, const StereoCamera& camera, const MotionParameters& parameters)
+  MotionProblem(const Correspondences& correspondences, const StereoCamera& camera,
+                const MotionParameters& parameters)
       : correspondences_(correspondences),
         camera_(camera),
         parameters_(parameters),
@@ -84,11 +87,13 @@ class MotionProblem {
     if (hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
     for (std::size_t i = 0; i < point_active_.size(); ++i) {
       if (!point_active_[i]) continue;
-      problem.AddResidualBlock(pointCost(i), &huber, motion.rotation.data(), motion.translation.data());
+      problem.AddResidualBlock(pointCost(i), &huber, motion.rotation.data(),
+                               motion.translation.data());
     }
     for (std::size_t i = 0; i < line_active_.size(); ++i) {
       if (!line_active_[i]) continue;
-      problem.AddResidualBlock(lineCost(i), &huber, motion.rotation.data(), motion.translation.data());
+      problem.AddResidualBlock(lineCost(i), &huber, motion.rotation.data(),
+                               motion.translation.data());
     }
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
@@ -105,7 +110,8 @@ class MotionProblem {
     return solution;
   }
 
-  /// Takes the matches whose whitened residual is within the threshold per square root of its size, and no others.
+  /// Takes the matches whose whitened residual is within the threshold per square root of its size,
+  /// and no others.
   void selectInliers(const Eigen::Isometry3d& T_curr_prev) {
     const auto fits = [this](const Eigen::VectorXd& whitened) {
       const double limit = parameters_.outlier_threshold;
@@ -123,7 +129,8 @@ class MotionProblem {
     }
   }
 
-  /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals amount to.
+  /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
+  /// amount to.
   struct Statistics {
     Matrix6d information = Matrix6d::Zero();
     double chi2 = 0.0;
@@ -136,7 +143,8 @@ class MotionProblem {
     const auto add = [&](const auto& residual, const Eigen::MatrixXd& weight) {
       const Eigen::VectorXd whitened = weight * residual.value;
       const double norm = whitened.norm();
-      const double huber_weight = norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
+      const double huber_weight =
+          norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
       const Eigen::MatrixXd J = weight * residual.by_motion;
       statistics.information += huber_weight * J.transpose() * J;
       statistics.chi2 += huber_weight * norm * norm;
@@ -163,7 +171,8 @@ class MotionProblem {
 
   ceres::CostFunction* pointCost(std::size_t i) const {
     const PointCorrespondence& point = correspondences_.points[i];
-    if (images_ == ResidualImages::kBoth) return new PointCostBoth(point, camera_, point_weights_[i]);
+    if (images_ == ResidualImages::kBoth)
+      return new PointCostBoth(point, camera_, point_weights_[i]);
     return new PointCostLeft(point, camera_, point_weights_[i]);
   }
 
@@ -179,16 +188,20 @@ class MotionProblem {
   ResidualImages images_;
   std::vector<bool> point_active_;
   std::vector<bool> line_active_;
-  std::vector<Eigen::MatrixXd> point_weights_;  // square roots of the information; empty where never active
+  std::vector<Eigen::MatrixXd>
+      point_weights_;  // square roots of the information; empty where never active
   std::vector<Eigen::MatrixXd> line_weights_;
 };
 
-/// From the normal matrix of the solver's perturbation of T_curr_prev to the covariance of T_prev_curr in ROS' order.
-Matrix6d motionCovariance(const MotionProblem::Statistics& statistics, const Eigen::Isometry3d& T_curr_prev) {
+/// From the normal matrix of the solver's perturbation of T_curr_prev to the covariance of
+/// T_prev_curr in ROS' order.
+Matrix6d motionCovariance(const MotionProblem::Statistics& statistics,
+                          const Eigen::Isometry3d& T_curr_prev) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(statistics.information);
   // Directions that nothing measures get a huge but finite variance.
   const double floor = std::max(1e-12 * eigen.eigenvalues().maxCoeff(), 1e-12);
-  const Matrix6d inverse = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+  const Matrix6d inverse = eigen.eigenvectors() *
+                           eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
                            eigen.eigenvectors().transpose();
   const double scale = std::max(1.0, statistics.chi2 / std::max(statistics.rows - 6, 1));
 
@@ -214,7 +227,8 @@ MotionEstimate failed(MotionStatus status, const MotionProblem& problem, int ite
   return estimate;
 }
 
-MotionEstimate finished(const MotionProblem& problem, const Eigen::Isometry3d& T_curr_prev, int iterations) {
+MotionEstimate finished(const MotionProblem& problem, const Eigen::Isometry3d& T_curr_prev,
+                        int iterations) {
   const MotionProblem::Statistics statistics = problem.statistics(T_curr_prev);
   MotionEstimate estimate;
   estimate.status = MotionStatus::kOk;
@@ -233,16 +247,21 @@ MotionEstimate finished(const MotionProblem& problem, const Eigen::Isometry3d& T
 
 const char* toString(MotionStatus status) {
   switch (status) {
-    case MotionStatus::kOk: return "ok";
-    case MotionStatus::kTooFewMatches: return "too_few_matches";
-    case MotionStatus::kSolverFailed: return "solver_failed";
-    case MotionStatus::kTooFewInliers: return "too_few_inliers";
+    case MotionStatus::kOk:
+      return "ok";
+    case MotionStatus::kTooFewMatches:
+      return "too_few_matches";
+    case MotionStatus::kSolverFailed:
+      return "solver_failed";
+    case MotionStatus::kTooFewInliers:
+      return "too_few_inliers";
   }
   return "unknown";
 }
 
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,
-                              const Eigen::Isometry3d& T_curr_prev_initial, const MotionParameters& parameters) {
+                              const Eigen::Isometry3d& T_curr_prev_initial,
+                              const MotionParameters& parameters) {
   MotionProblem problem(correspondences, camera, parameters);
   problem.linearizeWeights(T_curr_prev_initial);
   const int matches = problem.numPoints() + problem.numLines();
@@ -263,8 +282,9 @@ MotionEstimate estimateMotion(const Correspondences& correspondences, const Ster
 }
 
 MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,
-                            const Eigen::Isometry3d& T_prev_prev2, const Correspondences& correspondences,
-                            const StereoCamera& camera, const MotionParameters& parameters) {
+                            const Eigen::Isometry3d& T_prev_prev2,
+                            const Correspondences& correspondences, const StereoCamera& camera,
+                            const MotionParameters& parameters) {
   const Eigen::Quaterniond by_two_frames(T_curr_prev2.linear() * T_prev_prev2.linear().transpose());
   const Eigen::Quaterniond by_one(direct.T_curr_prev.linear());
   Eigen::Isometry3d fused = direct.T_curr_prev;

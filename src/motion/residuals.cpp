@@ -23,7 +23,9 @@ Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& w) {
          (angle - std::sin(angle)) / (a2 * angle) * W * W;
 }
 
-constexpr ResidualImages imagesOf(int rows) { return rows > 2 ? ResidualImages::kBoth : ResidualImages::kLeft; }
+constexpr ResidualImages imagesOf(int rows) {
+  return rows > 2 ? ResidualImages::kBoth : ResidualImages::kLeft;
+}
 
 }  // namespace
 
@@ -73,14 +75,16 @@ LineResidual::LineResidual(const LineCorrespondence& line, const StereoCamera& c
   const Eigen::Vector3d n = R * prev.n;
   const Eigen::Vector3d v = R * prev.v;
   const double nearest = 1e-3 * camera.baseline_m;
-  if ((T_curr_prev * line.start_prev).z() < nearest || (T_curr_prev * line.end_prev).z() < nearest) return;
+  if ((T_curr_prev * line.start_prev).z() < nearest || (T_curr_prev * line.end_prev).z() < nearest)
+    return;
 
   value.resize(rows);
   by_motion.resize(rows, 6);
   by_end_points.resize(rows, 6);
   const Eigen::Matrix3d K_l = lineProjectionMatrix(camera);
   for (int image = 0; 2 * image < rows; ++image) {
-    const Eigen::Vector3d t = T_curr_prev.translation() - Eigen::Vector3d(image * camera.baseline_m, 0.0, 0.0);
+    const Eigen::Vector3d t =
+        T_curr_prev.translation() - Eigen::Vector3d(image * camera.baseline_m, 0.0, 0.0);
     const Eigen::Vector3d l = K_l * (n + t.cross(v));
     const double norm = l.head<2>().norm();
     if (!(norm > 1e-9 * camera.fx * v.norm())) return;
@@ -93,8 +97,9 @@ LineResidual::LineResidual(const LineCorrespondence& line, const StereoCamera& c
     l_by_ends.leftCols<3>() = K_l * (-R * skew(line.end_prev) - skew(t) * R);
     l_by_ends.rightCols<3>() = K_l * (R * skew(line.start_prev) + skew(t) * R);
     for (const int end : {0, 1}) {
-      const Eigen::Vector2d& pixel = image == 0 ? (end == 0 ? line.left_start_px : line.left_end_px)
-                                                : (end == 0 ? line.right_start_px : line.right_end_px);
+      const Eigen::Vector2d& pixel = image == 0
+                                         ? (end == 0 ? line.left_start_px : line.left_end_px)
+                                         : (end == 0 ? line.right_start_px : line.right_end_px);
       const double product = l.dot(pixel.homogeneous());
       Eigen::RowVector3d by_l = pixel.homogeneous().transpose() / norm;
       by_l.head<2>() -= product / (norm * norm * norm) * l.head<2>().transpose();
@@ -108,7 +113,8 @@ LineResidual::LineResidual(const LineCorrespondence& line, const StereoCamera& c
 }
 
 template <typename Correspondence, typename Residual, int kRows>
-bool WeightedCost<Correspondence, Residual, kRows>::Evaluate(double const* const* parameters, double* residuals,
+bool WeightedCost<Correspondence, Residual, kRows>::Evaluate(double const* const* parameters,
+                                                             double* residuals,
                                                              double** jacobians) const {
   const MotionVector motion{Eigen::Map<const Eigen::Vector3d>(parameters[0]),
                             Eigen::Map<const Eigen::Vector3d>(parameters[1])};
@@ -120,7 +126,8 @@ bool WeightedCost<Correspondence, Residual, kRows>::Evaluate(double const* const
   using Jacobian = Eigen::Matrix<double, kRows, 3, Eigen::RowMajor>;
   if (jacobians[0] != nullptr) {
     Eigen::Map<Jacobian> by_rotation(jacobians[0]);
-    by_rotation = sqrt_information_ * residual.by_motion.template leftCols<3>() * leftJacobian(motion.rotation);
+    by_rotation = sqrt_information_ * residual.by_motion.template leftCols<3>() *
+                  leftJacobian(motion.rotation);
   }
   if (jacobians[1] != nullptr) {
     Eigen::Map<Jacobian> by_translation(jacobians[1]);

@@ -7,7 +7,8 @@ namespace {
 
 /// Noise of a point's pixel: that of the finest level, scaled to its own.
 double pointSigma(const PointFeature& feature, const Parameters& parameters) {
-  return parameters.motion.point_noise_px * std::pow(parameters.points.scale_factor, feature.octave);
+  return parameters.motion.point_noise_px *
+         std::pow(parameters.points.scale_factor, feature.octave);
 }
 
 LineTriangulationLimits lineLimits(const Parameters& parameters) {
@@ -25,33 +26,38 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
 
 }  // namespace
 
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const RightImageCorrection& correction,
-                        const Parameters& parameters, StereoFrame* frame) {
+void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera,
+                        const RightImageCorrection& correction, const Parameters& parameters,
+                        StereoFrame* frame) {
   for (const IndexPair& match : matches.points) {
     const PointFeature& left = frame->features.points_left[match.first];
     Eigen::Vector2f right_px = frame->features.points_right[match.second].pixel;
     if (parameters.matching.refine_subpixel) {
-      const auto aligned = alignPatch(frame->images.left, left.pixel, frame->images.right, right_px);
+      const auto aligned =
+          alignPatch(frame->images.left, left.pixel, frame->images.right, right_px);
       if (!aligned) continue;
       right_px = *aligned;
     }
     const Eigen::Vector2d corrected = correction.apply(right_px.cast<double>());
     const auto triangulated =
-        triangulatePoint(camera, left.pixel.cast<double>(), corrected.x(), pointSigma(left, parameters),
-                         parameters.matching.min_disparity_px);
+        triangulatePoint(camera, left.pixel.cast<double>(), corrected.x(),
+                         pointSigma(left, parameters), parameters.matching.min_disparity_px);
     if (triangulated) frame->points.push_back({match.first, match.second, right_px, *triangulated});
   }
   const LineTriangulationLimits limits = lineLimits(parameters);
   for (const IndexPair& match : matches.lines) {
-    frame->lines.push_back({match.first, match.second,
-                            triangulateLine(camera, frame->features.lines_left[match.first].segment,
-                                            corrected(frame->features.lines_right[match.second].segment, correction),
-                                            parameters.motion.line_noise_px, limits)});
+    frame->lines.push_back(
+        {match.first, match.second,
+         triangulateLine(camera, frame->features.lines_left[match.first].segment,
+                         corrected(frame->features.lines_right[match.second].segment, correction),
+                         parameters.motion.line_noise_px, limits)});
   }
 }
 
-Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr, const CircularMatches& matches,
-                                    const RightImageCorrection& correction, const Parameters& parameters) {
+Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr,
+                                    const CircularMatches& matches,
+                                    const RightImageCorrection& correction,
+                                    const Parameters& parameters) {
   Correspondences correspondences;
   for (const IndexPair& match : matches.points) {
     const StereoPoint& before = prev.points[match.first];
@@ -60,8 +66,10 @@ Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& 
     Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
     Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
     if (parameters.matching.refine_subpixel) {
-      left_px = alignPatch(prev.images.left, reference.pixel, curr.images.left, left_px).value_or(left_px);
-      right_px = alignPatch(prev.images.left, reference.pixel, curr.images.right, right_px).value_or(right_px);
+      left_px = alignPatch(prev.images.left, reference.pixel, curr.images.left, left_px)
+                    .value_or(left_px);
+      right_px = alignPatch(prev.images.left, reference.pixel, curr.images.right, right_px)
+                     .value_or(right_px);
     }
     PointCorrespondence point;
     point.p_prev = before.triangulated.p_camera;
@@ -74,7 +82,8 @@ Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& 
   for (const IndexPair& match : matches.lines) {
     const StereoLine& before = prev.lines[match.first];
     const LineSegment& left = curr.features.lines_left[curr.lines[match.second].left].segment;
-    const LineSegment right = corrected(curr.features.lines_right[curr.lines[match.second].right].segment, correction);
+    const LineSegment right =
+        corrected(curr.features.lines_right[curr.lines[match.second].right].segment, correction);
     LineCorrespondence line;
     line.start_prev = before.triangulated->start_camera;
     line.end_prev = before.triangulated->end_camera;
@@ -97,28 +106,30 @@ FrameCounts countFeatures(const StereoFrame& frame) {
   counts.lines_right = static_cast<int>(frame.features.lines_right.size());
   counts.point_stereo_matches = static_cast<int>(frame.points.size());
   counts.line_stereo_matches = static_cast<int>(frame.lines.size());
-  for (const StereoLine& line : frame.lines) counts.lines_not_triangulable += line.triangulated ? 0 : 1;
+  for (const StereoLine& line : frame.lines)
+    counts.lines_not_triangulable += line.triangulated ? 0 : 1;
   return counts;
 }
 
-void observeFeatures(const StereoFrame& curr, const CircularMatches& matches, const MotionEstimate& motion,
-                     FrameResult* result) {
+void observeFeatures(const StereoFrame& curr, const CircularMatches& matches,
+                     const MotionEstimate& motion, FrameResult* result) {
   std::vector<bool> point_shown(curr.features.points_left.size(), false);
   std::vector<bool> line_shown(curr.features.lines_left.size(), false);
   for (std::size_t i = 0; i < matches.points.size(); ++i) {
     const StereoPoint& point = curr.points[matches.points[i].second];
     point_shown[point.left] = true;
-    result->points.push_back({curr.features.points_left[point.left].pixel,
-                              curr.features.points_right[point.right].pixel,
-                              point.triangulated.p_camera.cast<float>(), bool(motion.point_inliers[i])});
+    result->points.push_back(
+        {curr.features.points_left[point.left].pixel, curr.features.points_right[point.right].pixel,
+         point.triangulated.p_camera.cast<float>(), bool(motion.point_inliers[i])});
   }
   for (std::size_t i = 0; i < matches.lines.size(); ++i) {
     const StereoLine& line = curr.lines[matches.lines[i].second];
     if (!line.triangulated) continue;
     line_shown[line.left] = true;
-    result->lines.push_back({curr.features.lines_left[line.left].segment, curr.features.lines_right[line.right].segment,
-                             line.triangulated->start_camera.cast<float>(), line.triangulated->end_camera.cast<float>(),
-                             bool(motion.line_inliers[i])});
+    result->lines.push_back(
+        {curr.features.lines_left[line.left].segment, curr.features.lines_right[line.right].segment,
+         line.triangulated->start_camera.cast<float>(), line.triangulated->end_camera.cast<float>(),
+         bool(motion.line_inliers[i])});
   }
   for (std::size_t i = 0; i < point_shown.size(); ++i) {
     if (!point_shown[i]) result->unmatched_points_px.push_back(curr.features.points_left[i].pixel);

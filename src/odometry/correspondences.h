@@ -8,22 +8,25 @@
 
 namespace point_line_odometry {
 
-/// Fills the points and lines of a frame from its stereo matches: sub-pixel disparity if asked for, place in space and
-/// covariance. Points that cannot be triangulated are left out; lines stay without a place.
-/// \param correction of the right image, applied to what is seen there.
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera, const RightImageCorrection& correction,
-                        const Parameters& parameters, StereoFrame* frame);
+/// Fills the points and lines of a frame from its stereo matches: sub-pixel disparity if asked for,
+/// place in space and covariance. Points that cannot be triangulated are left out; lines stay
+/// without a place. \param correction of the right image, applied to what is seen there.
+void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera,
+                        const RightImageCorrection& correction, const Parameters& parameters,
+                        StereoFrame* frame);
 
-/// What the estimator needs of circular matches: places in frame k-1 and (sub-)pixels in frame k. Element i of the points and
-/// lines belongs to element i of the matches.
-Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr, const CircularMatches& matches,
-                                    const RightImageCorrection& correction, const Parameters& parameters);
+/// What the estimator needs of circular matches: places in frame k-1 and (sub-)pixels in frame k.
+/// Element i of the points and lines belongs to element i of the matches.
+Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr,
+                                    const CircularMatches& matches,
+                                    const RightImageCorrection& correction,
+                                    const Parameters& parameters);
 
 /// Numbers of detected, stereo-matched and untriangulable features.
 FrameCounts countFeatures(const StereoFrame& frame);
 
 /// The features of the frame as they are shown: matched ones with their place, and the rest.
-void observeFeatures(const StereoFrame& curr, const CircularMatches& matches, const MotionEstimate& motion,
-                     FrameResult* result);
+void observeFeatures(const StereoFrame& curr, const CircularMatches& matches,
+                     const MotionEstimate& motion, FrameResult* result);
 
 }  // namespace point_line_odometry

@@ -32,10 +32,11 @@ struct Checker {
     errors.push_back(text.str());
   }
 
-  void operator()(const char* name, const std::string& value, const std::vector<std::string>& choices,
-                  const char*) {
+  void operator()(const char* name, const std::string& value,
+                  const std::vector<std::string>& choices, const char*) {
     if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
-    errors.push_back(std::string(name) + " is '" + value + "', but must be one of: " + join(choices, ", "));
+    errors.push_back(std::string(name) + " is '" + value +
+                     "', but must be one of: " + join(choices, ", "));
   }
 };
 
@@ -52,7 +53,8 @@ void flatten(const YAML::Node& node, const std::string& prefix,
   }
 }
 
-/// Sets what the file names, and remembers which names are known and which values have the wrong type.
+/// Sets what the file names, and remembers which names are known and which values have the wrong
+/// type.
 struct YamlReader {
   const std::vector<std::pair<std::string, YAML::Node>>& leaves;
   std::set<std::string> known;
@@ -78,7 +80,8 @@ std::vector<std::string> checkParameters(const Parameters& parameters) {
   Checker checker;
   visitParameters(parameters, checker);
   if (!parameters.points.enabled && !parameters.lines.enabled) {
-    checker.errors.push_back("points/enabled and lines/enabled are both false: nothing is left to track");
+    checker.errors.push_back(
+        "points/enabled and lines/enabled are both false: nothing is left to track");
   }
   return std::move(checker.errors);
 }

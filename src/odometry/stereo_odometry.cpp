@@ -18,7 +18,8 @@ double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 Parameters checked(const Parameters& parameters) {
   std::string text;
-  for (const std::string& error : checkParameters(parameters)) text += (text.empty() ? "" : "; ") + error;
+  for (const std::string& error : checkParameters(parameters))
+    text += (text.empty() ? "" : "; ") + error;
   if (!text.empty()) throw std::invalid_argument("parameters: " + text);
   return parameters;
 }
@@ -30,7 +31,8 @@ class StageTimer {
   StageTimer(const StageTimer&) = delete;
   StageTimer& operator=(const StageTimer&) = delete;
   ~StageTimer() {
-    *ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin_).count();
+    *ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin_)
+                .count();
   }
 
  private:
@@ -44,10 +46,14 @@ bool fits(const cv::Mat& image, const StereoCamera& camera) {
 
 TrackingReason reasonOf(MotionStatus status) {
   switch (status) {
-    case MotionStatus::kOk: return TrackingReason::kNone;
-    case MotionStatus::kTooFewMatches: return TrackingReason::kTooFewMatches;
-    case MotionStatus::kTooFewInliers: return TrackingReason::kTooFewInliers;
-    case MotionStatus::kSolverFailed: break;
+    case MotionStatus::kOk:
+      return TrackingReason::kNone;
+    case MotionStatus::kTooFewMatches:
+      return TrackingReason::kTooFewMatches;
+    case MotionStatus::kTooFewInliers:
+      return TrackingReason::kTooFewInliers;
+    case MotionStatus::kSolverFailed:
+      break;
   }
   return TrackingReason::kSolverFailed;
 }
@@ -92,10 +98,13 @@ FrameResult StereoOdometry::process(const StereoImages& images) {
   } else {
     integratePrediction(curr, dt_s);
   }
-  const bool outlived = reference_ && seconds(curr.stamp_ns - reference_->stamp_ns) > parameters_.tracking.max_prediction_s;
-  const bool matchable = static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
+  const bool outlived = reference_ && seconds(curr.stamp_ns - reference_->stamp_ns) >
+                                          parameters_.tracking.max_prediction_s;
+  const bool matchable =
+      static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
   last_stamp_ns_ = curr.stamp_ns;
-  if (measurement.reason == TrackingReason::kNone || !reference_ || gap || (outlived && matchable)) {
+  if (measurement.reason == TrackingReason::kNone || !reference_ || gap ||
+      (outlived && matchable)) {
     takeReference(std::move(curr), measurement);
   }
 
@@ -129,7 +138,8 @@ StereoFrame StereoOdometry::makeFrame(const StereoImages& images, StageTimes* ti
   return frame;
 }
 
-StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr, StageTimes* times) const {
+StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr,
+                                                    StageTimes* times) const {
   Measurement measurement;
   const int few = parameters_.motion.min_matches;
   if (static_cast<int>(curr.points.size() + curr.lines.size()) < few) {
@@ -140,13 +150,15 @@ StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr, Sta
   const MotionPrediction prediction = predict(dt_s);
   {
     const StageTimer timer(times, Stage::kMatchCircular);
-    measurement.matches = matchCircular(*reference_, curr, camera_, prediction, parameters_.matching);
-    measurement.correspondences = makeCorrespondences(*reference_, curr, measurement.matches, refinement_.correction(), parameters_);
+    measurement.matches =
+        matchCircular(*reference_, curr, camera_, prediction, parameters_.matching);
+    measurement.correspondences = makeCorrespondences(*reference_, curr, measurement.matches,
+                                                      refinement_.correction(), parameters_);
   }
   {
     const StageTimer timer(times, Stage::kEstimate);
-    measurement.motion =
-        estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev, parameters_.motion);
+    measurement.motion = estimateMotion(measurement.correspondences, camera_,
+                                        prediction.T_curr_prev, parameters_.motion);
   }
   if (parameters_.motion.fuse_rotation && before_reference_ && measurement.motion.ok()) {
     const StageTimer timer(times, Stage::kFuse);
@@ -155,8 +167,9 @@ StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr, Sta
   measurement.reason = reasonOf(measurement.motion.status);
   if (measurement.motion.ok()) {
     const Vector6d velocity = velocityOfMotion(measurement.motion.T_curr_prev.inverse(), dt_s);
-    const bool too_fast = velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
-                          velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
+    const bool too_fast =
+        velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
+        velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
     if (too_fast) measurement.reason = TrackingReason::kTooFast;
   }
   return measurement;
@@ -168,28 +181,35 @@ MotionEstimate StereoOdometry::fuseWithTwoFrameEstimate(const StereoFrame& curr,
   const Eigen::Isometry3d expected = measurement.motion.T_curr_prev * T_prev_prev2;
   const StereoFrame& prev2 = before_reference_->frame;
   const CircularMatches matches =
-      matchCircular(prev2, curr, camera_, {expected, parameters_.matching.search_radius_px}, parameters_.matching);
-  const MotionEstimate over_two =
-      estimateMotion(makeCorrespondences(prev2, curr, matches, refinement_.correction(), parameters_), camera_, expected, parameters_.motion);
+      matchCircular(prev2, curr, camera_, {expected, parameters_.matching.search_radius_px},
+                    parameters_.matching);
+  const MotionEstimate over_two = estimateMotion(
+      makeCorrespondences(prev2, curr, matches, refinement_.correction(), parameters_), camera_,
+      expected, parameters_.motion);
   if (!over_two.ok()) return measurement.motion;
-  return fuseRotation(measurement.motion, over_two.T_curr_prev, T_prev_prev2, measurement.correspondences, camera_,
-                      parameters_.motion);
+  return fuseRotation(measurement.motion, over_two.T_curr_prev, T_prev_prev2,
+                      measurement.correspondences, camera_, parameters_.motion);
 }
 
 MotionPrediction StereoOdometry::predict(double dt_s) const {
-  if (!velocity_) return {Eigen::Isometry3d::Identity(), parameters_.matching.search_radius_without_velocity_px};
+  if (!velocity_)
+    return {Eigen::Isometry3d::Identity(), parameters_.matching.search_radius_without_velocity_px};
   const double widening = std::clamp(dt_s / velocity_->measured_over_s, 1.0, kMaxWidening);
-  return {motionAtVelocity(velocity_->value, dt_s).inverse(), widening * parameters_.matching.search_radius_px};
+  return {motionAtVelocity(velocity_->value, dt_s).inverse(),
+          widening * parameters_.matching.search_radius_px};
 }
 
 void StereoOdometry::integrateMeasurement(const Measurement& measurement, const StereoFrame& curr) {
   const double dt_s = seconds(curr.stamp_ns - reference_->stamp_ns);
   const Eigen::Isometry3d T_prev_curr = measurement.motion.T_curr_prev.inverse();
   const Matrix6d& covariance = measurement.motion.covariance;
-  pose_covariance_ = composeCovariance(T_odom_reference_, reference_covariance_, T_prev_curr, covariance);
+  pose_covariance_ =
+      composeCovariance(T_odom_reference_, reference_covariance_, T_prev_curr, covariance);
   T_odom_camera_ = T_odom_reference_ * T_prev_curr;
-  T_odom_camera_.linear() = Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  velocity_ = Velocity{velocityOfMotion(T_prev_curr, dt_s), covariance / (dt_s * dt_s), dt_s, curr.stamp_ns};
+  T_odom_camera_.linear() =
+      Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
+  velocity_ = Velocity{velocityOfMotion(T_prev_curr, dt_s), covariance / (dt_s * dt_s), dt_s,
+                       curr.stamp_ns};
   state_ = TrackingState::kOk;
 }
 
@@ -197,7 +217,8 @@ void StereoOdometry::integratePrediction(const StereoFrame& curr, double dt_s) {
   const double unmeasured_s = velocity_ ? seconds(curr.stamp_ns - velocity_->stamp_ns) : dt_s;
   const bool hold = !velocity_ || unmeasured_s > parameters_.tracking.max_prediction_s;
   const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
-  const Eigen::Isometry3d T_prev_curr = hold ? Eigen::Isometry3d::Identity() : motionAtVelocity(velocity, dt_s);
+  const Eigen::Isometry3d T_prev_curr =
+      hold ? Eigen::Isometry3d::Identity() : motionAtVelocity(velocity, dt_s);
   pose_covariance_ = composeCovariance(T_odom_camera_, pose_covariance_, T_prev_curr,
                                        predictionCovariance(velocity, !hold, dt_s, unmeasured_s));
   T_odom_camera_ = T_odom_camera_ * T_prev_curr;
@@ -205,12 +226,14 @@ void StereoOdometry::integratePrediction(const StereoFrame& curr, double dt_s) {
 }
 
 void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measurement& measurement) {
-  if (!parameters_.matching.refine_subpixel) return;  // whole pixels say nothing about small displacements
+  if (!parameters_.matching.refine_subpixel)
+    return;  // whole pixels say nothing about small displacements
   std::vector<CalibrationRefinement::RowSample> rows;
   rows.reserve(curr.points.size());
   for (const StereoPoint& point : curr.points) {
     const Eigen::Vector2f& left_px = curr.features.points_left[point.left].pixel;
-    rows.push_back({point.right_px.cast<double>(), static_cast<double>(point.right_px.y() - left_px.y())});
+    rows.push_back(
+        {point.right_px.cast<double>(), static_cast<double>(point.right_px.y() - left_px.y())});
   }
   refinement_.addRows(rows, parameters_.motion.point_noise_px);
   if (measurement.reason != TrackingReason::kNone) return;
@@ -219,16 +242,19 @@ void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measuremen
 
 void StereoOdometry::takeReference(StereoFrame curr, const Measurement& measurement) {
   before_reference_.reset();
-  if (measurement.motion.ok() && measurement.reason == TrackingReason::kNone && parameters_.motion.fuse_rotation) {
+  if (measurement.motion.ok() && measurement.reason == TrackingReason::kNone &&
+      parameters_.motion.fuse_rotation) {
     before_reference_ = EarlierFrame{std::move(*reference_), measurement.motion.T_curr_prev};
   }
-  if (measurement.reason != TrackingReason::kNone && state_ != TrackingState::kDegraded) velocity_.reset();
+  if (measurement.reason != TrackingReason::kNone && state_ != TrackingState::kDegraded)
+    velocity_.reset();
   reference_ = std::move(curr);
   T_odom_reference_ = T_odom_camera_;
   reference_covariance_ = pose_covariance_;
 }
 
-void StereoOdometry::report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const {
+void StereoOdometry::report(const StereoFrame& curr, const Measurement& measurement,
+                            FrameResult* result) const {
   result->reason = measurement.reason;
   result->rms_px = measurement.motion.rms_px;
   result->counts = countFeatures(curr);

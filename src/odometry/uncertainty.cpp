@@ -6,13 +6,14 @@ namespace point_line_odometry {
 namespace {
 
 // How much a robot's velocity may change while it is not measured.
-constexpr double kAcceleration = 3.0;          // [m/s^2]
-constexpr double kAngularAcceleration = 3.0;   // [rad/s^2]
+constexpr double kAcceleration = 3.0;         // [m/s^2]
+constexpr double kAngularAcceleration = 3.0;  // [rad/s^2]
 
 }  // namespace
 
 Matrix6d composeCovariance(const Eigen::Isometry3d& T_odom_prev, const Matrix6d& pose_covariance,
-                           const Eigen::Isometry3d& T_prev_curr, const Matrix6d& motion_covariance) {
+                           const Eigen::Isometry3d& T_prev_curr,
+                           const Matrix6d& motion_covariance) {
   const Eigen::Matrix3d& R = T_odom_prev.linear();
   const Eigen::Vector3d lever = R * T_prev_curr.translation();
   Matrix6d by_pose = Matrix6d::Identity();
@@ -31,7 +32,8 @@ Eigen::Isometry3d motionAtVelocity(const Vector6d& velocity, double dt_s) {
   Eigen::Isometry3d T_prev_curr = Eigen::Isometry3d::Identity();
   const Eigen::Vector3d rotation = velocity.tail<3>() * dt_s;
   const double angle = rotation.norm();
-  if (angle > 0.0) T_prev_curr.linear() = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
+  if (angle > 0.0)
+    T_prev_curr.linear() = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
   // The camera turns while it moves: its mean axes are those of half the rotation.
   Eigen::Matrix3d half = Eigen::Matrix3d::Identity();
   if (angle > 0.0) half = Eigen::AngleAxisd(0.5 * angle, rotation / angle).toRotationMatrix();
@@ -41,14 +43,16 @@ Eigen::Isometry3d motionAtVelocity(const Vector6d& velocity, double dt_s) {
 
 Vector6d velocityOfMotion(const Eigen::Isometry3d& T_prev_curr, double dt_s) {
   const Eigen::AngleAxisd rotation(T_prev_curr.linear());
-  const Eigen::Matrix3d half = Eigen::AngleAxisd(0.5 * rotation.angle(), rotation.axis()).toRotationMatrix();
+  const Eigen::Matrix3d half =
+      Eigen::AngleAxisd(0.5 * rotation.angle(), rotation.axis()).toRotationMatrix();
   Vector6d velocity;
   velocity.head<3>() = half.transpose() * T_prev_curr.translation() / dt_s;
   velocity.tail<3>() = rotation.angle() * rotation.axis() / dt_s;
   return velocity;
 }
 
-Matrix6d predictionCovariance(const Vector6d& velocity, bool speed_known, double dt_s, double unmeasured_s) {
+Matrix6d predictionCovariance(const Vector6d& velocity, bool speed_known, double dt_s,
+                              double unmeasured_s) {
   double speed_error = kAcceleration * unmeasured_s;
   double turn_error = kAngularAcceleration * unmeasured_s;
   if (!speed_known) {
