@@ -43,7 +43,7 @@ struct MatchingParameters {
 /// Triangulation, the point-line reprojection model and its solution.
 struct MotionParameters {
   std::string residual_images = "both";
-  bool fuse_rotation = false;
+  bool fuse_rotation = true;
   double point_noise_px = 0.3;
   double line_noise_px = 0.3;
   double min_line_angle_deg = 5.0;
@@ -133,7 +133,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         std::vector<std::string>{"left", "both"},
         "images of frame k whose residuals are minimised; the paper: left");
   visit("motion/fuse_rotation", p.motion.fuse_rotation,
-        "fuse the rotation with an estimate over two frames (paper, eq. 9-10); the paper: true");
+        "fuse the rotation with an estimate over two frames (paper, eq. 9-10)");
   visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px",
         "standard deviation of a point's pixel");
   visit("motion/line_noise_px", p.motion.line_noise_px, 0.01, 10.0, "px",

@@ -45,7 +45,15 @@ class RidgeWalker {
         visited_(visited),
         width_(gradient.gx.cols),
         height_(gradient.gx.rows),
-        threshold_(threshold) {}
+        threshold_(threshold) {
+    std::fill_n(visited_, gradient.gx.total(), std::uint8_t{0});
+    for (int x = 0; x < width_; ++x) visited_[x] = visited_[(height_ - 1) * width_ + x] = kBorder;
+    for (int y = 0; y < height_; ++y)
+      visited_[y * width_] = visited_[y * width_ + width_ - 1] = kBorder;
+  }
+
+  static constexpr std::uint8_t kVisited = 1;
+  static constexpr std::uint8_t kBorder = 2;
 
   bool visited(int i) const { return visited_[i] != 0; }
   int column(int i) const { return i % width_; }
@@ -53,7 +61,7 @@ class RidgeWalker {
   bool inside(int x, int y) const { return x >= 1 && y >= 1 && x < width_ - 1 && y < height_ - 1; }
 
   void visit(int i, MeanGradient* mean) {
-    visited_[i] = 1;
+    visited_[i] = kVisited;
     mean->add(gx_[i], gy_[i]);
   }
 
@@ -106,16 +114,14 @@ class RidgeWalker {
     return magnitude_[i] >= threshold_ && visited_[i] == 0 && mean.agrees(gx_[i], gy_[i]);
   }
 
-  /// The strongest usable one of three pixels across the walk, or -1.
-  int strongestAcross(int x, int y, const MeanGradient& mean) const {
-    if (!inside(x, y)) return -1;
-    const int i = y * width_ + x;
+  /// The strongest usable one of three pixels across the walk, or -1. Pixels of the border are
+  /// never usable.
+  int strongestAcross(int i, const MeanGradient& mean) const {
     const int step = mean.steep() ? 1 : width_;
     int best = -1;
     int best_magnitude = 0;
     for (const int candidate : {i, i - step, i + step}) {
       if (magnitude_[candidate] <= best_magnitude || !usable(candidate, mean)) continue;
-      if (!inside(column(candidate), row(candidate))) continue;
       best = candidate;
       best_magnitude = magnitude_[candidate];
     }
@@ -125,15 +131,13 @@ class RidgeWalker {
   /// The next pixel of the ridge: one step along its main axis. The edge's direction is (mean.y,
   /// -mean.x).
   int neighbour(int i, int sign, const MeanGradient& mean) const {
-    int x = column(i);
-    int y = row(i);
-    if (mean.steep()) {
-      y += mean.x > 0.0F ? -sign : sign;
-    } else {
-      x += mean.y > 0.0F ? sign : -sign;
-    }
-    return strongestAcross(x, y, mean);
+    const int step = mean.steep() ? (mean.x > 0.0F ? -width_ : width_) : (mean.y > 0.0F ? 1 : -1);
+    const int next = i + sign * step;
+    // On the border its own neighbours may lie outside the image.
+    return isBorder(next) ? -1 : strongestAcross(next, mean);
   }
+
+  bool isBorder(int i) const { return visited_[i] == kBorder; }
 
   /// The pixel straight ahead where the ridge goes on for at least two pixels, or -1.
   int beyondGap(int i, int sign, const MeanGradient& mean) const {
@@ -141,7 +145,8 @@ class RidgeWalker {
     for (int gap = 2; gap <= kMaxGap; ++gap) {
       const int x = column(i) + cvRound(mean.y * scale * static_cast<float>(gap));
       const int y = row(i) - cvRound(mean.x * scale * static_cast<float>(gap));
-      const int landing = strongestAcross(x, y, mean);
+      if (!inside(x, y)) return -1;
+      const int landing = strongestAcross(y * width_ + x, mean);
       if (landing >= 0 && neighbour(landing, sign, mean) >= 0) return landing;
     }
     return -1;
@@ -268,7 +273,7 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
   if (gradient.gx.cols < 3 || gradient.gx.rows < 3) return segments;
   const int threshold = static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale));
   if (table_.imageSize() != gradient.gx.size()) table_ = AContrarioTable(gradient.gx.size());
-  visited_.assign(gradient.gx.total(), 0);
+  visited_.resize(gradient.gx.total());
   findAnchors(gradient, threshold);
 
   RidgeWalker walker(gradient, threshold, visited_.data());

@@ -24,11 +24,14 @@ struct Sampler {
   bool valid = false;
 
   Sampler(const cv::Mat& image, const Eigen::Vector2f& centre, int radius) {
-    const int x = static_cast<int>(std::floor(centre.x()));
-    const int y = static_cast<int>(std::floor(centre.y()));
-    valid = x - radius >= 0 && y - radius >= 0 && x + radius + 1 < image.cols &&
-            y + radius + 1 < image.rows;
+    // In floats: no int holds NaN or a huge place.
+    const auto r = static_cast<float>(radius);
+    valid = centre.x() >= r && centre.y() >= r &&
+            centre.x() + r + 1.0F < static_cast<float>(image.cols) &&
+            centre.y() + r + 1.0F < static_cast<float>(image.rows);
     if (!valid) return;
+    const int x = static_cast<int>(centre.x());
+    const int y = static_cast<int>(centre.y());
     const float a = centre.x() - static_cast<float>(x);
     const float b = centre.y() - static_cast<float>(y);
     w00 = (1.0F - a) * (1.0F - b);

@@ -93,6 +93,7 @@ Parameters loadParameters(const std::string& yaml_file, const std::vector<std::s
   } catch (const YAML::Exception& error) {
     throw std::runtime_error("parameter file '" + yaml_file + "' cannot be read: " + error.what());
   }
+  if (!root.IsMap() && !root.IsNull()) throw std::runtime_error("parameter file '" + yaml_file + "' is no map of names");
   std::vector<std::pair<std::string, YAML::Node>> leaves;
   if (root.IsMap()) flatten(root, "", &leaves);
 

@@ -271,6 +271,7 @@ void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) {
   before_reference_.reset();
   velocity_.reset();
   last_stamp_ns_.reset();
+  refinement_ = CalibrationRefinement(camera_);
   T_odom_camera_ = T_odom_reference_ = T_odom_camera;
   pose_covariance_ = reference_covariance_ = Matrix6d::Zero();
   state_ = TrackingState::kInitializing;
