@@ -11,6 +11,7 @@
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/parameters.h"
+#include "point_line_odometry/pose_integrator.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/stereo_feature_detector.h"
 #include "point_line_odometry/types.h"
@@ -161,14 +162,6 @@ class StereoOdometry {
     MotionEstimate motion;
   };
 
-  /// Velocity of the camera in its own axes, linear [m/s] and angular [rad/s].
-  struct Velocity {
-    Vector6d value = Vector6d::Zero();
-    Matrix6d covariance = Matrix6d::Zero();
-    double measured_over_s = 0.0;
-    std::int64_t stamp_ns = 0;
-  };
-
   struct EarlierFrame {
     StereoFrame frame;
     Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
@@ -179,10 +172,12 @@ class StereoOdometry {
   MotionEstimate fuseWithTwoFrameEstimate(const StereoFrame& curr,
                                           const Measurement& measurement) const;
   MotionPrediction predict(double dt_s) const;
-  void integrateMeasurement(const Measurement& measurement, const StereoFrame& curr);
-  void integratePrediction(const StereoFrame& curr, double dt_s);
+  void integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s);
+  bool shouldBecomeReference(const StereoFrame& curr, const Measurement& measurement) const;
   void takeReference(StereoFrame curr, const Measurement& measurement);
   void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
+  void reportPose(FrameResult* result) const;
+  FrameResult dropped(TrackingReason reason, FrameResult result) const;
   void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
   void startNewReference();
 
@@ -195,12 +190,7 @@ class StereoOdometry {
   TrackingState state_ = TrackingState::kInitializing;
   std::optional<StereoFrame> reference_;  // frame k-1: the last one that others can be matched with
   std::optional<EarlierFrame> before_reference_;  // frame k-2, kept for the fusion of rotations
-  Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
-  Matrix6d reference_covariance_ = Matrix6d::Zero();
-  Eigen::Isometry3d T_odom_camera_ =
-      Eigen::Isometry3d::Identity();  // of the last frame, measured or predicted
-  Matrix6d pose_covariance_ = Matrix6d::Zero();
-  std::optional<Velocity> velocity_;           // none before two frames were matched
+  PoseIntegrator pose_;
   std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
 };
 

@@ -8,37 +8,10 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "odometry/parameter_checker.h"
+
 namespace point_line_odometry {
 namespace {
-
-std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string joined;
-  for (const std::string& word : words) joined += (joined.empty() ? "" : separator) + word;
-  return joined;
-}
-
-/// Collects one sentence for each value that is not allowed.
-struct Checker {
-  std::vector<std::string> errors;
-
-  void operator()(const char*, bool, const char*) {}
-
-  template <typename T>
-  void operator()(const char* name, T value, T minimum, T maximum, const char* unit, const char*) {
-    if (std::isfinite(static_cast<double>(value)) && value >= minimum && value <= maximum) return;
-    std::ostringstream text;
-    text << name << " is " << value << ", but must lie in [" << minimum << ", " << maximum << "]"
-         << (*unit ? " " : "") << unit;
-    errors.push_back(text.str());
-  }
-
-  void operator()(const char* name, const std::string& value,
-                  const std::vector<std::string>& choices, const char*) {
-    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
-    errors.push_back(std::string(name) + " is '" + value +
-                     "', but must be one of: " + join(choices, ", "));
-  }
-};
 
 /// Collects "a/b/c" -> node for the leaves of nested maps.
 void flatten(const YAML::Node& node, const std::string& prefix,
@@ -77,7 +50,7 @@ struct YamlReader {
 }  // namespace
 
 std::vector<std::string> checkParameters(const Parameters& parameters) {
-  Checker checker;
+  ParameterChecker checker;
   visitParameters(parameters, checker);
   if (!parameters.points.enabled && !parameters.lines.enabled) {
     checker.errors.push_back(
@@ -93,7 +66,9 @@ Parameters loadParameters(const std::string& yaml_file, const std::vector<std::s
   } catch (const YAML::Exception& error) {
     throw std::runtime_error("parameter file '" + yaml_file + "' cannot be read: " + error.what());
   }
-  if (!root.IsMap() && !root.IsNull()) throw std::runtime_error("parameter file '" + yaml_file + "' is no map of names");
+  if (!root.IsMap() && !root.IsNull()) {
+    throw std::runtime_error("parameter file '" + yaml_file + "' is no map of names");
+  }
   std::vector<std::pair<std::string, YAML::Node>> leaves;
   if (root.IsMap()) flatten(root, "", &leaves);
 

@@ -1,12 +1,12 @@
 #include "point_line_odometry/stereo_odometry.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 
 #include "odometry/correspondences.h"
+#include "odometry/stage_timer.h"
 #include "odometry/uncertainty.h"
 
 namespace point_line_odometry {
@@ -23,22 +23,6 @@ Parameters checked(const Parameters& parameters) {
   if (!text.empty()) throw std::invalid_argument("parameters: " + text);
   return parameters;
 }
-
-/// Adds the time from its making to its end to a stage.
-class StageTimer {
- public:
-  StageTimer(StageTimes* times, Stage stage) : ms_(&times->ms[static_cast<std::size_t>(stage)]) {}
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-  ~StageTimer() {
-    *ms_ += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin_)
-                .count();
-  }
-
- private:
-  double* ms_;
-  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-};
 
 bool fits(const cv::Mat& image, const StereoCamera& camera) {
   return image.type() == CV_8UC1 && image.cols == camera.width && image.rows == camera.height;
@@ -67,19 +51,14 @@ StereoOdometry::StereoOdometry(const StereoCamera& camera, const Parameters& par
       refinement_(camera) {}
 
 FrameResult StereoOdometry::process(const StereoImages& images) {
-  const auto begin = std::chrono::steady_clock::now();
+  const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
-  result.T_odom_camera = T_odom_camera_;
-  result.pose_covariance = pose_covariance_;
-  result.state = state_;
   if (!fits(images.left, camera_) || !fits(images.right, camera_)) {
-    result.reason = TrackingReason::kWrongImages;
-    return result;
+    return dropped(TrackingReason::kWrongImages, std::move(result));
   }
   if (last_stamp_ns_ && images.stamp_ns <= *last_stamp_ns_) {
-    result.reason = TrackingReason::kStampNotNewer;
-    return result;
+    return dropped(TrackingReason::kStampNotNewer, std::move(result));
   }
   const double dt_s = last_stamp_ns_ ? seconds(images.stamp_ns - *last_stamp_ns_) : 0.0;
 
@@ -91,32 +70,11 @@ FrameResult StereoOdometry::process(const StereoImages& images) {
   report(curr, measurement, &result);
   if (parameters_.tracking.refine_calibration) refineCalibration(curr, measurement);
 
-  if (measurement.reason == TrackingReason::kNone) {
-    integrateMeasurement(measurement, curr);
-  } else if (measurement.reason == TrackingReason::kFirstFrame) {
-    state_ = TrackingState::kInitializing;
-  } else {
-    integratePrediction(curr, dt_s);
-  }
-  const bool outlived = reference_ && seconds(curr.stamp_ns - reference_->stamp_ns) >
-                                          parameters_.tracking.max_prediction_s;
-  const bool matchable =
-      static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
+  integrate(measurement, curr.stamp_ns, dt_s);
   last_stamp_ns_ = curr.stamp_ns;
-  if (measurement.reason == TrackingReason::kNone || !reference_ || gap ||
-      (outlived && matchable)) {
-    takeReference(std::move(curr), measurement);
-  }
-
-  result.state = state_;
-  result.T_odom_camera = T_odom_camera_;
-  result.pose_covariance = pose_covariance_;
-  if (velocity_) {
-    result.twist = velocity_->value;
-    result.twist_covariance = velocity_->covariance;
-  }
-  result.times.total_ms =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  if (shouldBecomeReference(curr, measurement)) takeReference(std::move(curr), measurement);
+  reportPose(&result);
+  result.times.total_ms = StageTimer::elapsedMs(begin);
   return result;
 }
 
@@ -192,37 +150,41 @@ MotionEstimate StereoOdometry::fuseWithTwoFrameEstimate(const StereoFrame& curr,
 }
 
 MotionPrediction StereoOdometry::predict(double dt_s) const {
-  if (!velocity_)
+  const std::optional<CameraVelocity>& velocity = pose_.velocity();
+  if (!velocity) {
     return {Eigen::Isometry3d::Identity(), parameters_.matching.search_radius_without_velocity_px};
-  const double widening = std::clamp(dt_s / velocity_->measured_over_s, 1.0, kMaxWidening);
-  return {motionAtVelocity(velocity_->value, dt_s).inverse(),
+  }
+  const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
+  return {motionAtVelocity(velocity->value, dt_s).inverse(),
           widening * parameters_.matching.search_radius_px};
 }
 
-void StereoOdometry::integrateMeasurement(const Measurement& measurement, const StereoFrame& curr) {
-  const double dt_s = seconds(curr.stamp_ns - reference_->stamp_ns);
-  const Eigen::Isometry3d T_prev_curr = measurement.motion.T_curr_prev.inverse();
-  const Matrix6d& covariance = measurement.motion.covariance;
-  pose_covariance_ =
-      composeCovariance(T_odom_reference_, reference_covariance_, T_prev_curr, covariance);
-  T_odom_camera_ = T_odom_reference_ * T_prev_curr;
-  T_odom_camera_.linear() =
-      Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  velocity_ = Velocity{velocityOfMotion(T_prev_curr, dt_s), covariance / (dt_s * dt_s), dt_s,
-                       curr.stamp_ns};
-  state_ = TrackingState::kOk;
+void StereoOdometry::integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s) {
+  if (measurement.reason == TrackingReason::kNone) {
+    const double since_reference_s = seconds(stamp_ns - reference_->stamp_ns);
+    pose_.addMeasurement(measurement.motion.T_curr_prev.inverse(), measurement.motion.covariance,
+                         since_reference_s, stamp_ns);
+    state_ = TrackingState::kOk;
+  } else if (measurement.reason == TrackingReason::kFirstFrame) {
+    state_ = TrackingState::kInitializing;
+  } else {
+    const bool moves = pose_.addPrediction(dt_s, stamp_ns, parameters_.tracking.max_prediction_s);
+    state_ = moves ? TrackingState::kDegraded : TrackingState::kLost;
+  }
 }
 
-void StereoOdometry::integratePrediction(const StereoFrame& curr, double dt_s) {
-  const double unmeasured_s = velocity_ ? seconds(curr.stamp_ns - velocity_->stamp_ns) : dt_s;
-  const bool hold = !velocity_ || unmeasured_s > parameters_.tracking.max_prediction_s;
-  const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
-  const Eigen::Isometry3d T_prev_curr =
-      hold ? Eigen::Isometry3d::Identity() : motionAtVelocity(velocity, dt_s);
-  pose_covariance_ = composeCovariance(T_odom_camera_, pose_covariance_, T_prev_curr,
-                                       predictionCovariance(velocity, !hold, dt_s, unmeasured_s));
-  T_odom_camera_ = T_odom_camera_ * T_prev_curr;
-  state_ = hold ? TrackingState::kLost : TrackingState::kDegraded;
+/// A frame without a measurement does not replace the reference at once: the next one may match it
+/// again.
+bool StereoOdometry::shouldBecomeReference(const StereoFrame& curr,
+                                           const Measurement& measurement) const {
+  if (!reference_ || measurement.reason == TrackingReason::kNone ||
+      measurement.reason == TrackingReason::kFrameGap) {
+    return true;
+  }
+  const bool outlived =
+      seconds(curr.stamp_ns - reference_->stamp_ns) > parameters_.tracking.max_prediction_s;
+  return outlived &&
+         static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
 }
 
 void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measurement& measurement) {
@@ -242,15 +204,27 @@ void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measuremen
 
 void StereoOdometry::takeReference(StereoFrame curr, const Measurement& measurement) {
   before_reference_.reset();
-  if (measurement.motion.ok() && measurement.reason == TrackingReason::kNone &&
-      parameters_.motion.fuse_rotation) {
+  const bool measured = measurement.reason == TrackingReason::kNone;
+  if (measured && parameters_.motion.fuse_rotation) {
     before_reference_ = EarlierFrame{std::move(*reference_), measurement.motion.T_curr_prev};
   }
-  if (measurement.reason != TrackingReason::kNone && state_ != TrackingState::kDegraded)
-    velocity_.reset();
+  if (!measured && state_ != TrackingState::kDegraded) pose_.forgetVelocity();
   reference_ = std::move(curr);
-  T_odom_reference_ = T_odom_camera_;
-  reference_covariance_ = pose_covariance_;
+  pose_.takeReference();
+}
+
+void StereoOdometry::reportPose(FrameResult* result) const {
+  result->state = state_;
+  result->T_odom_camera = pose_.T_odom_camera();
+  result->pose_covariance = pose_.covariance();
+  result->twist = pose_.twist();
+  result->twist_covariance = pose_.twistCovariance();
+}
+
+FrameResult StereoOdometry::dropped(TrackingReason reason, FrameResult result) const {
+  result.reason = reason;
+  reportPose(&result);
+  return result;
 }
 
 void StereoOdometry::report(const StereoFrame& curr, const Measurement& measurement,
@@ -269,11 +243,9 @@ void StereoOdometry::report(const StereoFrame& curr, const Measurement& measurem
 void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) {
   reference_.reset();
   before_reference_.reset();
-  velocity_.reset();
   last_stamp_ns_.reset();
   refinement_ = CalibrationRefinement(camera_);
-  T_odom_camera_ = T_odom_reference_ = T_odom_camera;
-  pose_covariance_ = reference_covariance_ = Matrix6d::Zero();
+  pose_.reset(T_odom_camera);
   state_ = TrackingState::kInitializing;
 }
 

@@ -8,16 +8,12 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "odometry/parameter_checker.h"
+
 namespace point_line_odometry {
 namespace {
 
 using XmlRpc::XmlRpcValue;
-
-std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string joined;
-  for (const std::string& word : words) joined += (joined.empty() ? "" : separator) + word;
-  return joined;
-}
 
 struct NameCollector {
   std::vector<std::string> names;
@@ -25,33 +21,6 @@ struct NameCollector {
   template <typename... Rest>
   void operator()(const char* name, const Rest&...) {
     names.emplace_back(name);
-  }
-};
-
-/// Collects one sentence for each value that is not allowed.
-struct RangeChecker {
-  std::vector<std::string> errors;
-
-  void operator()(const char*, bool, const char*) {}
-
-  void operator()(const char* name, const std::string& value, const char*) {
-    if (value.empty()) errors.push_back(std::string(name) + " is empty, but must be a name");
-  }
-
-  template <typename T>
-  void operator()(const char* name, T value, T minimum, T maximum, const char* unit, const char*) {
-    if (std::isfinite(static_cast<double>(value)) && value >= minimum && value <= maximum) return;
-    std::ostringstream text;
-    text << name << " is " << value << ", but must lie in [" << minimum << ", " << maximum << "]"
-         << (*unit ? " " : "") << unit;
-    errors.push_back(text.str());
-  }
-
-  void operator()(const char* name, const std::string& value,
-                  const std::vector<std::string>& choices, const char*) {
-    if (std::find(choices.begin(), choices.end(), value) != choices.end()) return;
-    errors.push_back(std::string(name) + " is '" + value +
-                     "', but must be one of: " + join(choices, ", "));
   }
 };
 
@@ -133,7 +102,7 @@ std::vector<std::string> nodeParameterNames() {
 }
 
 std::vector<std::string> checkNodeParameters(const NodeParameters& parameters) {
-  RangeChecker checker;
+  ParameterChecker checker;
   visitNodeParameters(parameters, checker);
   if (parameters.odom_frame_id == parameters.base_frame_id) {
     checker.errors.emplace_back("odom_frame_id and base_frame_id are the same, but must differ");

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// Velocity of the camera in its own axes, linear [m/s] and angular [rad/s].
+struct CameraVelocity {
+  Vector6d value = Vector6d::Zero();
+  Matrix6d covariance = Matrix6d::Zero();
+  double measured_over_s = 0.0;  ///< time between the two frames that it comes from
+  std::int64_t stamp_ns = 0;     ///< of the second one
+};
+
+/// Pose of the camera in odom with its covariance, and the velocity: what is known between frames.
+/// A measured motion starts at the reference frame; without one, the velocity carries the pose on
+/// for a bounded time, and then it is held.
+class PoseIntegrator {
+ public:
+  /// Forgets the past; the pose is this one, known exactly.
+  void reset(const Eigen::Isometry3d& T_odom_camera);
+
+  /// Continues from the reference's pose with a measured motion.
+  /// \param covariance of T_reference_camera, along and about the axes of the reference.
+  void addMeasurement(const Eigen::Isometry3d& T_reference_camera, const Matrix6d& covariance,
+                      double dt_s, std::int64_t stamp_ns);
+
+  /// Continues from the last pose at the last velocity, with grown covariance. Returns false if the
+  /// velocity is unknown or was measured longer than max_prediction_s ago: then the pose is held.
+  bool addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s);
+
+  /// The last pose becomes that of the reference.
+  void takeReference();
+
+  void forgetVelocity() { velocity_.reset(); }
+
+  const Eigen::Isometry3d& T_odom_camera() const { return T_odom_camera_; }
+  const Matrix6d& covariance() const { return covariance_; }
+
+  /// The last measured velocity; none before two frames were matched.
+  const std::optional<CameraVelocity>& velocity() const { return velocity_; }
+
+  /// Velocity at the last pose: measured, carried on with grown covariance, or zero while the pose
+  /// is held.
+  const Vector6d& twist() const { return twist_; }
+  const Matrix6d& twistCovariance() const { return twist_covariance_; }
+
+ private:
+  Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
+  Matrix6d covariance_ = Matrix6d::Zero();  // along and about the axes of odom
+  Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
+  Matrix6d reference_covariance_ = Matrix6d::Zero();
+  std::optional<CameraVelocity> velocity_;
+  Vector6d twist_ = Vector6d::Zero();
+  Matrix6d twist_covariance_ = Matrix6d::Zero();
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,51 @@
+# Shared by the scripts beside this file, which source it. Bash.
+# shellcheck shell=bash
+
+package=point_line_odometry
+repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
+workspace=$repository/.workspace
+noetic=/opt/ros/noetic
+
+step() { printf '\n=== %s\n' "$*"; }
+
+# Why the script cannot go on, as one sentence; exit code 2.
+stop() {
+  printf '%s: %s\n' "$(basename "$0")" "$*" >&2
+  exit 2
+}
+
+# Sources a setup.bash, which may use variables that are not set, and would take our arguments.
+source_setup() {
+  local file=$1
+  shift
+  set +u
+  # shellcheck disable=SC1090
+  source "$file"
+  set -u
+}
+
+# The environment in which everything is built and run: the distribution's programs first, and no
+# other workspace, so that only this package's own libraries can be found.
+use_ros() {
+  unset CMAKE_PREFIX_PATH ROS_PACKAGE_PATH ROS_MASTER_URI ROS_NAMESPACE ROS_IP
+  unset PYTHONPATH PYTHONHOME LD_LIBRARY_PATH PKG_CONFIG_PATH
+  export PATH=/usr/bin:$PATH
+  export ROS_HOSTNAME=localhost
+  if [[ -f $noetic/setup.bash ]]; then source_setup "$noetic/setup.bash"; fi
+}
+
+# catkin_make in the workspace, which is made if need be; the arguments are catkin_make's.
+catkin_in_workspace() {
+  local options=(-DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3)
+  # The GMock that Debian 11 has for CMake gets lost when catkin runs CMake a second time.
+  options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
+  if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
+  mkdir -p "$workspace/src"
+  ln -sfn ../.. "$workspace/src/$package"
+  # CMake refuses a build folder that has been moved or copied with the repository.
+  local cache=$workspace/build/CMakeCache.txt
+  if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$workspace/src" "$cache"; then
+    rm -rf "$workspace/build" "$workspace/devel" "$workspace/install"
+  fi
+  (cd "$workspace" && catkin_make "${options[@]}" "$@")
+}

@@ -1,0 +1,414 @@
+#include "point_line_odometry/matching.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <cstdio>
+#include <functional>
+#include <new>
+#include <stdexcept>
+
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+void expectOnly(const std::vector<IndexPair>& pairs, int first, int second) {
+  ASSERT_EQ(pairs.size(), 1U);
+  EXPECT_EQ(pairs[0].first, first);
+  EXPECT_EQ(pairs[0].second, second);
+}
+
+/// Points and lines in space with descriptors, seen in two stereo frames. In the second frame their
+/// order is reversed.
+class TwoFrames {
+ public:
+  TwoFrames(int points, int lines, const Isometry3d& T_curr_prev, unsigned seed) {
+    synthetic::Random random(seed);
+    for (int i = 0; i < points; ++i) {
+      points_.push_back(synthetic::visiblePoint(camera, &random));
+      point_descriptors_.push_back(synthetic::randomDescriptor(&random));
+    }
+    for (int i = 0; i < lines; ++i) {
+      const Vector3d start = synthetic::visiblePoint(camera, &random);
+      const double side = random.uniform(-0.4, 0.4);
+      starts_.push_back(start);
+      ends_.push_back(start + 0.1 * start.z() * Vector3d(side, i % 2 == 0 ? 2.0 : -2.0, 0.1));
+      line_descriptors_.push_back(synthetic::randomDescriptor(&random));
+    }
+    prev = frame(Isometry3d::Identity(), false);
+    curr = frame(T_curr_prev, true);
+  }
+
+  std::vector<IndexPair> points(const MotionPrediction& prediction) const {
+    return matchPointsCircular(prev, curr, camera, prediction, parameters);
+  }
+  std::vector<IndexPair> lines(const MotionPrediction& prediction) const {
+    return matchLinesCircular(prev, curr, camera, prediction, parameters);
+  }
+
+  const StereoCamera camera = synthetic::camera();
+  MatchingParameters parameters;
+  StereoFrame prev;
+  StereoFrame curr;
+
+ private:
+  StereoFrame frame(const Isometry3d& T, bool reversed) const {
+    StereoFrame frame;
+    for (std::size_t k = 0; k < points_.size(); ++k) {
+      const std::size_t i = reversed ? points_.size() - 1 - k : k;
+      const Vector3d p = T * points_[i];
+      PointFeature feature;
+      feature.descriptor = point_descriptors_[i];
+      feature.pixel = camera.projectLeft(p).cast<float>();
+      frame.features.points_left.push_back(feature);
+      feature.pixel = camera.projectRight(p).cast<float>();
+      frame.features.points_right.push_back(feature);
+      StereoPoint point;
+      point.left = point.right = static_cast<int>(k);
+      point.triangulated.p_camera = p;
+      frame.points.push_back(point);
+    }
+    for (std::size_t k = 0; k < starts_.size(); ++k) {
+      const std::size_t i = reversed ? starts_.size() - 1 - k : k;
+      const Vector3d a = T * starts_[i];
+      const Vector3d b = T * ends_[i];
+      frame.features.lines_left.push_back(
+          {{camera.projectLeft(a).cast<float>(), camera.projectLeft(b).cast<float>()},
+           line_descriptors_[i]});
+      frame.features.lines_right.push_back(
+          {{camera.projectRight(a).cast<float>(), camera.projectRight(b).cast<float>()},
+           line_descriptors_[i]});
+      frame.lines.push_back(
+          {static_cast<int>(k), static_cast<int>(k), TriangulatedLine{a, b, Matrix6d::Zero()}});
+    }
+    return frame;
+  }
+
+  std::vector<Vector3d> points_, starts_, ends_;
+  std::vector<Descriptor> point_descriptors_, line_descriptors_;
+};
+
+void expectReversed(const std::vector<IndexPair>& pairs, int count) {
+  ASSERT_EQ(pairs.size(), static_cast<std::size_t>(count));
+  for (const IndexPair& pair : pairs) EXPECT_EQ(pair.second, count - 1 - pair.first);
+}
+
+// --- Points within a frame
+// ------------------------------------------------------------------------
+
+/// Left and right points by pixel; descriptors `bits` apart from a common one.
+struct Seen {
+  Vector2d pixel;
+  int bits;
+};
+
+std::vector<IndexPair> stereoPairs(const std::vector<Seen>& left, const std::vector<Seen>& right,
+                                   const MatchingParameters& parameters = {}) {
+  synthetic::Random random(1);
+  const Descriptor common = synthetic::randomDescriptor(&random);
+  const auto features = [&](const std::vector<Seen>& all) {
+    std::vector<PointFeature> features(all.size());
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      features[i].pixel = all[i].pixel.cast<float>();
+      features[i].descriptor = synthetic::flipped(common, all[i].bits);
+    }
+    return features;
+  };
+  return matchPointsStereo(features(left), features(right), parameters);
+}
+
+TEST(MatchPointsStereo, UniqueDescriptorsMatchCompletely) {
+  const TwoFrames scene(120, 0, Isometry3d::Identity(), 1);
+  std::vector<PointFeature> right = scene.curr.features.points_right;  // reversed
+  expectReversed(matchPointsStereo(scene.prev.features.points_left, right, {}), 120);
+}
+
+TEST(MatchPointsStereo, DistractorsChangeNothing) {
+  const TwoFrames scene(80, 0, Isometry3d::Identity(), 2);
+  synthetic::Random random(3);
+  std::vector<PointFeature> left = scene.prev.features.points_left;
+  std::vector<PointFeature> right = scene.curr.features.points_right;
+  for (int i = 0; i < 400; ++i) {
+    PointFeature other;
+    other.pixel = {static_cast<float>(random.uniform(0.0, 640.0)),
+                   static_cast<float>(random.uniform(0.0, 480.0))};
+    other.descriptor = synthetic::randomDescriptor(&random);
+    (i % 2 == 0 ? left : right).push_back(other);
+  }
+  const std::vector<IndexPair> pairs = matchPointsStereo(left, right, {});
+  int right_ones = 0;
+  for (const IndexPair& pair : pairs) right_ones += pair.second == 79 - pair.first ? 1 : 0;
+  EXPECT_EQ(right_ones, 80);
+  EXPECT_EQ(pairs.size(), 80U);
+}
+
+TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
+  MatchingParameters parameters;
+  parameters.min_disparity_px = 2.0;
+  parameters.max_disparity_px = 50.0;
+  parameters.max_row_difference_px = 1.5;
+  const auto matched = [&](double disparity, double row) {
+    return !stereoPairs({{{200.0, 100.0}, 0}}, {{{200.0 - disparity, 100.0 + row}, 0}}, parameters)
+                .empty();
+  };
+  EXPECT_TRUE(matched(2.1, 0.0));
+  EXPECT_FALSE(matched(1.9, 0.0));
+  EXPECT_TRUE(matched(49.9, 0.0));
+  EXPECT_FALSE(matched(50.1, 0.0));
+  EXPECT_FALSE(matched(-20.0, 0.0));
+  EXPECT_TRUE(matched(20.0, 1.4));
+  EXPECT_TRUE(matched(20.0, -1.4));
+  EXPECT_FALSE(matched(20.0, 1.6));
+  EXPECT_FALSE(matched(20.0, -1.6));
+}
+
+TEST(MatchPointsStereo, DescriptorsDecide) {
+  MatchingParameters parameters;
+  parameters.max_point_distance = 60;
+  parameters.max_distance_ratio = 0.8;
+  const std::vector<Seen> left{{{200.0, 100.0}, 0}};
+  EXPECT_EQ(stereoPairs(left, {{{180.0, 100.0}, 60}}, parameters).size(), 1U);
+  EXPECT_TRUE(stereoPairs(left, {{{180.0, 100.0}, 61}}, parameters).empty());
+  EXPECT_TRUE(stereoPairs(left, {{{180.0, 100.0}, 40}, {{150.0, 100.0}, 49}}, parameters).empty());
+  expectOnly(stereoPairs(left, {{{180.0, 100.0}, 52}, {{150.0, 100.0}, 40}}, parameters), 0, 1);
+}
+
+TEST(MatchPointsStereo, IdenticalRivalsAreAmbiguous) {
+  EXPECT_TRUE(
+      stereoPairs({{{200.0, 100.0}, 0}}, {{{180.0, 100.0}, 0}, {{150.0, 100.0}, 0}}).empty());
+}
+
+TEST(MatchPointsStereo, BothMustPreferEachOther) {
+  // Two left points want the same right one: only the better gets it.
+  expectOnly(stereoPairs({{{200.0, 100.0}, 20}, {{230.0, 100.0}, 0}}, {{{180.0, 100.0}, 1}}), 1, 0);
+}
+
+TEST(MatchPointsStereo, NothingComesFromNothing) {
+  EXPECT_TRUE(stereoPairs({}, {}).empty());
+  EXPECT_TRUE(stereoPairs({{{200.0, 100.0}, 0}}, {}).empty());
+  EXPECT_TRUE(stereoPairs({}, {{{200.0, 100.0}, 0}}).empty());
+}
+
+// --- Points around the circle
+// ---------------------------------------------------------------------
+
+TEST(MatchPointsCircular, UniqueDescriptorsMatchCompletely) {
+  const TwoFrames scene(150, 0, synthetic::motion(), 4);
+  expectReversed(scene.points({synthetic::motion(), 2.0}), 150);
+  expectReversed(scene.points({Isometry3d::Identity(), 120.0}), 150);
+}
+
+TEST(MatchPointsCircular, LooksOnlyNearThePrediction) {
+  const TwoFrames scene(60, 0, synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero()), 5);
+  EXPECT_TRUE(scene.points({Isometry3d::Identity(), 40.0}).empty());  // the motion is some 70 px
+  expectReversed(scene.points({synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero()), 1.0}), 60);
+}
+
+TEST(MatchPointsCircular, PredictionTellsTwinsApart) {
+  TwoFrames scene(2, 0, synthetic::motion(), 6);
+  for (StereoFrame* frame : {&scene.prev, &scene.curr}) {
+    for (auto* points : {&frame->features.points_left, &frame->features.points_right}) {
+      // The same to each other, and a bit different in the next frame.
+      (*points)[0].descriptor = (*points)[1].descriptor = {1, 2, 3, frame == &scene.prev ? 4U : 5U};
+    }
+  }
+  EXPECT_TRUE(scene.points({synthetic::motion(), 900.0}).empty());
+  expectReversed(scene.points({synthetic::motion(), 2.0}), 2);
+}
+
+TEST(MatchPointsCircular, RejectsACircleThatDoesNotClose) {
+  TwoFrames scene(60, 0, synthetic::motion(), 7);
+  ASSERT_EQ(scene.points({synthetic::motion(), 120.0}).size(), 60U);
+  // Frame k's stereo pairs 10 and 20 are mixed up: right is one thing and left another.
+  std::swap(scene.curr.points[10].left, scene.curr.points[20].left);
+  const std::vector<IndexPair> pairs = scene.points({synthetic::motion(), 700.0});
+  EXPECT_EQ(pairs.size(), 58U);
+  for (const IndexPair& pair : pairs) EXPECT_TRUE(pair.second != 10 && pair.second != 20);
+}
+
+TEST(MatchPointsCircular, BehindTheCameraIsLeftOut) {
+  TwoFrames scene(30, 0, Isometry3d::Identity(), 8);
+  EXPECT_TRUE(
+      scene.points({synthetic::transform({0.0, M_PI, 0.0}, Vector3d::Zero()), 1000.0}).empty());
+  scene.prev.points[4].triangulated.p_camera.z() = -5.0;
+  EXPECT_EQ(scene.points({Isometry3d::Identity(), 5.0}).size(), 29U);
+}
+
+TEST(MatchCircular, NothingComesFromNothing) {
+  const TwoFrames scene(20, 10, synthetic::motion(), 9);
+  const StereoFrame empty;
+  const MotionPrediction prediction{synthetic::motion(), 25.0};
+  const auto count = [&](const StereoFrame& prev, const StereoFrame& curr) {
+    const CircularMatches matches =
+        matchCircular(prev, curr, scene.camera, prediction, scene.parameters);
+    return matches.points.size() + matches.lines.size();
+  };
+  EXPECT_EQ(count(empty, empty), 0U);
+  EXPECT_EQ(count(scene.prev, empty), 0U);
+  EXPECT_EQ(count(empty, scene.curr), 0U);
+  EXPECT_EQ(count(scene.prev, scene.curr), 30U);
+  EXPECT_EQ(matchStereo({}, {}).points.size() + matchStereo({}, {}).lines.size(), 0U);
+}
+
+/// Runs something with little memory to take; false if it wants more.
+bool isFrugal(const std::function<void()>& work) {
+  rlimit old{};
+  getrlimit(RLIMIT_AS, &old);
+  long pages = 0;
+  if (FILE* file = std::fopen("/proc/self/statm", "r")) {
+    if (std::fscanf(file, "%ld", &pages) != 1) pages = 0;
+    std::fclose(file);
+  }
+  rlimit limited = old;
+  limited.rlim_cur = static_cast<rlim_t>(pages) * 4096 + (rlim_t{200} << 20);
+  setrlimit(RLIMIT_AS, &limited);
+  bool frugal = true;
+  try {
+    work();
+  } catch (const std::bad_alloc&) {
+    frugal = false;
+  } catch (const std::length_error&) {
+    frugal = false;
+  }
+  setrlimit(RLIMIT_AS, &old);
+  return frugal;
+}
+
+TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
+  // A prediction that turns one point of many to just in front of the camera's plane expects it a
+  // million pixels away.
+  TwoFrames scene(30, 30, Isometry3d::Identity(), 10);
+  const Vector3d aside(60.0, 20.0, 0.11 * scene.camera.baseline_m);
+  scene.prev.points[3].triangulated.p_camera = aside;
+  std::size_t points = 0;
+  EXPECT_TRUE(isFrugal([&] { points = scene.points({Isometry3d::Identity(), 5.0}).size(); }));
+  EXPECT_EQ(points, 29U);
+  scene.prev.lines[3].triangulated->end_camera = aside;
+  std::size_t lines = 0;
+  EXPECT_TRUE(isFrugal([&] { lines = scene.lines({Isometry3d::Identity(), 5.0}).size(); }));
+  EXPECT_EQ(lines, 29U);
+}
+
+// --- Lines within a frame
+// -------------------------------------------------------------------------
+
+LineFeature line(const Vector2d& start, const Vector2d& end, int bits = 0) {
+  synthetic::Random random(1);
+  return {{start.cast<float>(), end.cast<float>()},
+          synthetic::flipped(synthetic::randomDescriptor(&random), bits)};
+}
+
+const LineFeature kUpright = line({300.0, 100.0}, {310.0, 200.0});
+
+bool pairs(const LineFeature& right, const MatchingParameters& parameters = {}) {
+  return matchLinesStereo({kUpright}, {right}, parameters).size() == 1;
+}
+
+TEST(MatchLinesStereo, UniqueDescriptorsMatchCompletely) {
+  const TwoFrames scene(0, 60, Isometry3d::Identity(), 11);
+  expectReversed(
+      matchLinesStereo(scene.prev.features.lines_left, scene.curr.features.lines_right, {}), 60);
+}
+
+TEST(MatchLinesStereo, AppearanceAndGeometryConstrain) {
+  MatchingParameters parameters;
+  parameters.max_disparity_px = 100.0;
+  EXPECT_TRUE(pairs(line({280.0, 100.0}, {290.0, 200.0}), parameters));
+  EXPECT_FALSE(pairs(line({290.0, 200.0}, {280.0, 100.0}), parameters)) << "the other way round";
+  EXPECT_FALSE(pairs(line({280.0, 100.0}, {320.0, 200.0}), parameters)) << "another direction";
+  EXPECT_TRUE(pairs(line({280.0, 100.0}, {285.2, 152.0}), parameters));
+  EXPECT_FALSE(pairs(line({280.0, 100.0}, {284.8, 148.0}), parameters)) << "another length";
+  EXPECT_TRUE(pairs(line({284.0, 140.0}, {294.0, 240.0}), parameters));
+  EXPECT_FALSE(pairs(line({286.0, 160.0}, {296.0, 260.0}), parameters)) << "few common rows";
+  EXPECT_FALSE(pairs(line({300.0, 300.0}, {310.0, 400.0}), parameters)) << "no common row";
+  EXPECT_FALSE(pairs(line({20.0, 100.0}, {30.0, 200.0}), parameters)) << "too large a disparity";
+  EXPECT_FALSE(pairs(line({500.0, 100.0}, {510.0, 200.0}), parameters)) << "behind infinity";
+}
+
+TEST(MatchLinesStereo, DescriptorsDecide) {
+  MatchingParameters parameters;
+  parameters.max_line_distance = 50;
+  EXPECT_TRUE(pairs(line({280.0, 100.0}, {290.0, 200.0}, 50), parameters));
+  EXPECT_FALSE(pairs(line({280.0, 100.0}, {290.0, 200.0}, 51), parameters));
+  parameters.max_distance_ratio = 0.8;
+  const std::vector<LineFeature> rivals{line({280.0, 100.0}, {290.0, 200.0}, 30),
+                                        line({260.0, 100.0}, {270.0, 200.0}, 33)};
+  EXPECT_TRUE(matchLinesStereo({kUpright}, rivals, parameters).empty());
+}
+
+TEST(MatchLinesStereo, IdenticalRivalsAreAmbiguous) {
+  const std::vector<LineFeature> rivals{line({280.0, 100.0}, {290.0, 200.0}),
+                                        line({260.0, 100.0}, {270.0, 200.0})};
+  EXPECT_TRUE(matchLinesStereo({kUpright}, rivals, {}).empty());
+}
+
+TEST(MatchLinesStereo, PiecesOfOneEdgeAreNoRivals) {
+  const std::vector<LineFeature> pieces{line({280.0, 100.0}, {286.0, 160.0}, 30),
+                                        line({284.0, 140.0}, {290.0, 200.0}, 31)};
+  expectOnly(matchLinesStereo({kUpright}, pieces, {}), 0, 0);
+}
+
+TEST(MatchLinesStereo, LevelLinesNeedTheSameRow) {
+  const LineFeature level = line({300.0, 100.0}, {400.0, 100.5});
+  const auto matched = [&](double row) {
+    return matchLinesStereo({level}, {line({280.0, row}, {380.0, row + 0.5})}, {}).size() == 1;
+  };
+  EXPECT_TRUE(matched(100.0));
+  EXPECT_TRUE(matched(101.5));
+  EXPECT_FALSE(matched(103.0));
+}
+
+TEST(MatchLinesStereo, NothingComesFromNothing) {
+  EXPECT_TRUE(matchLinesStereo({}, {}, {}).empty());
+  EXPECT_TRUE(matchLinesStereo({kUpright}, {}, {}).empty());
+  EXPECT_TRUE(matchLinesStereo({}, {kUpright}, {}).empty());
+}
+
+// --- Lines around the circle
+// ----------------------------------------------------------------------
+
+TEST(MatchLinesCircular, UniqueDescriptorsMatchCompletely) {
+  const TwoFrames scene(0, 50, synthetic::motion(), 12);
+  expectReversed(scene.lines({synthetic::motion(), 2.0}), 50);
+  expectReversed(scene.lines({Isometry3d::Identity(), 120.0}), 50);
+}
+
+TEST(MatchLinesCircular, LooksOnlyNearThePrediction) {
+  const Isometry3d turn = synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero());
+  const TwoFrames scene(0, 40, turn, 13);
+  EXPECT_TRUE(scene.lines({Isometry3d::Identity(), 40.0}).empty());
+  expectReversed(scene.lines({turn, 1.0}), 40);
+}
+
+TEST(MatchLinesCircular, RejectsACircleThatDoesNotClose) {
+  TwoFrames scene(0, 40, synthetic::motion(), 14);
+  std::swap(scene.curr.lines[10].left, scene.curr.lines[20].left);
+  const std::vector<IndexPair> found = scene.lines({synthetic::motion(), 700.0});
+  EXPECT_EQ(found.size(), 38U);
+  for (const IndexPair& pair : found) EXPECT_TRUE(pair.second != 10 && pair.second != 20);
+}
+
+TEST(MatchLinesCircular, NeedsAPlaceInSpace) {
+  TwoFrames scene(0, 20, synthetic::motion(), 15);
+  scene.prev.lines[5].triangulated.reset();
+  scene.prev.lines[6].triangulated->start_camera.z() = -2.0;
+  scene.curr.lines[0].triangulated.reset();  // of frame k only the pixels are asked for
+  const std::vector<IndexPair> found = scene.lines({synthetic::motion(), 5.0});
+  EXPECT_EQ(found.size(), 18U);
+  for (const IndexPair& pair : found) EXPECT_TRUE(pair.first != 5 && pair.first != 6);
+}
+
+TEST(MatchLinesCircular, SwappedDirectionIsAnotherEdge) {
+  TwoFrames scene(0, 20, synthetic::motion(), 16);
+  LineSegment& segment = scene.curr.features.lines_left[7].segment;
+  std::swap(segment.start, segment.end);
+  EXPECT_EQ(scene.lines({synthetic::motion(), 5.0}).size(), 19U);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

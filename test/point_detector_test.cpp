@@ -1,0 +1,276 @@
+#include "point_line_odometry/point_detector.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <opencv2/imgproc.hpp>
+
+#include "matching/descriptor_distance.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Vector2f;
+
+/// Smooth noise: corners and blobs everywhere.
+cv::Mat texture(int width, int height, unsigned seed, double contrast = 60.0) {
+  cv::Mat noise(height, width, CV_32FC1);
+  cv::RNG random(seed);
+  random.fill(noise, cv::RNG::NORMAL, 0.0, 1.0);
+  cv::GaussianBlur(noise, noise, {}, 1.5);
+  cv::normalize(noise, noise, 1.0, 0.0, cv::NORM_INF);
+  cv::Mat image;
+  noise.convertTo(image, CV_8UC1, 2.0 * contrast, 128.0);
+  return image;
+}
+
+/// Detects in an image as a lens would show it: FAST drops corners whose neighbours score the same,
+/// as in a drawing.
+std::vector<PointFeature> detectSoftened(const cv::Mat& drawing,
+                                         const PointParameters& parameters = {}) {
+  cv::Mat image;
+  cv::GaussianBlur(drawing, image, {}, 0.8);
+  return PointDetector(parameters).detect(image);
+}
+
+const PointFeature* nearest(const std::vector<PointFeature>& features, const Vector2f& pixel) {
+  const auto found = std::min_element(features.begin(), features.end(),
+                                      [&](const PointFeature& a, const PointFeature& b) {
+                                        return (a.pixel - pixel).norm() < (b.pixel - pixel).norm();
+                                      });
+  return found == features.end() ? nullptr : &*found;
+}
+
+std::map<std::pair<int, int>, int> perCell(const std::vector<PointFeature>& features, int cell,
+                                           int offset) {
+  std::map<std::pair<int, int>, int> counts;
+  for (const PointFeature& feature : features) {
+    ++counts[{static_cast<int>(feature.pixel.x() - offset) / cell,
+              static_cast<int>(feature.pixel.y() - offset) / cell}];
+  }
+  return counts;
+}
+
+TEST(PointDetector, FindsTheCornersOfSquares) {
+  cv::Mat image(240, 320, CV_8UC1, cv::Scalar(60));
+  std::vector<Vector2f> corners;
+  for (int y = 40; y < 200; y += 40) {
+    for (int x = 40; x < 280; x += 40) {
+      cv::rectangle(image, cv::Point(x, y), cv::Point(x + 17, y + 17), cv::Scalar(200), cv::FILLED);
+      for (const int dx : {0, 17}) {
+        for (const int dy : {0, 17}) corners.emplace_back(x + dx, y + dy);
+      }
+    }
+  }
+  const std::vector<PointFeature> features = detectSoftened(image);
+  for (const Vector2f& corner : corners) {
+    ASSERT_FALSE(features.empty());
+    EXPECT_LE((nearest(features, corner)->pixel - corner).cwiseAbs().maxCoeff(), 1.01F)
+        << corner.transpose();
+  }
+  for (const PointFeature& feature : features) {  // and nothing along the edges
+    const auto distance = [&](const Vector2f& corner) { return (feature.pixel - corner).norm(); };
+    EXPECT_TRUE(std::any_of(corners.begin(), corners.end(),
+                            [&](const Vector2f& c) { return distance(c) < 3.0F; }));
+    EXPECT_GT(feature.response, 0.0F);
+    EXPECT_EQ(feature.octave, 0);
+  }
+}
+
+TEST(PointDetector, KeepsTheQuotaOfEachCell) {
+  const cv::Mat image = texture(400, 300, 1);
+  PointParameters parameters;
+  parameters.fast_threshold = 3;
+  for (const int quota : {1, 4, 9}) {
+    parameters.max_per_cell = quota;
+    const std::vector<PointFeature> features = PointDetector(parameters).detect(image);
+    EXPECT_GT(features.size(), 20U * quota);
+    // Where the grid of cells begins is the detector's business: a window of one cell touches at
+    // most four.
+    for (const auto& cell : perCell(features, parameters.cell_size_px, 0))
+      EXPECT_LE(cell.second, 4 * quota);
+    EXPECT_LE(features.size(), static_cast<std::size_t>(8 * 6 * quota));
+  }
+}
+
+TEST(PointDetector, SpreadsOverStrongAndWeakParts) {
+  // The left half has ten times the contrast of the right half, and must not take all places.
+  cv::Mat image = texture(400, 240, 2, 110.0);
+  cv::Mat weak = texture(400, 240, 2, 35.0);
+  weak.colRange(200, 400).copyTo(image.colRange(200, 400));
+  PointParameters parameters;
+  parameters.max_per_cell = 5;
+  const std::vector<PointFeature> features = PointDetector(parameters).detect(image);
+  const auto right = std::count_if(features.begin(), features.end(),
+                                   [](const PointFeature& f) { return f.pixel.x() > 205.0F; });
+  EXPECT_GT(right, static_cast<std::ptrdiff_t>(features.size()) / 4);
+}
+
+TEST(PointDetector, TakesTheStrongestOfACell) {
+  cv::Mat image(120, 120, CV_8UC1, cv::Scalar(100));
+  cv::circle(image, cv::Point(40, 40), 1, cv::Scalar(130), cv::FILLED);
+  cv::circle(image, cv::Point(60, 60), 1, cv::Scalar(220), cv::FILLED);
+  PointParameters parameters;
+  parameters.cell_size_px = 400;
+  parameters.max_per_cell = 1;
+  const std::vector<PointFeature> features = detectSoftened(image, parameters);
+  ASSERT_EQ(features.size(), 1U);
+  EXPECT_LT((features[0].pixel - Vector2f(60.0F, 60.0F)).norm(), 1.5F);
+}
+
+TEST(PointDetector, ThresholdIsTheWeakestContrast) {
+  cv::Mat image(120, 120, CV_8UC1, cv::Scalar(100));
+  cv::circle(image, cv::Point(60, 60), 1, cv::Scalar(130), cv::FILLED);  // some 20 after softening
+  PointParameters parameters;
+  parameters.fast_threshold = 8;
+  EXPECT_EQ(detectSoftened(image, parameters).size(), 1U);
+  parameters.fast_threshold = 35;
+  EXPECT_TRUE(detectSoftened(image, parameters).empty());
+}
+
+TEST(PointDetector, IsDeterministic) {
+  const cv::Mat image = texture(300, 200, 3);
+  const std::vector<PointFeature> a = PointDetector({}).detect(image);
+  const std::vector<PointFeature> b = PointDetector({}).detect(image.clone());
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].pixel, b[i].pixel);
+    EXPECT_EQ(a[i].descriptor, b[i].descriptor);
+  }
+}
+
+TEST(PointDetector, PyramidLevelsGiveFullResolutionPixels) {
+  cv::Mat image(240, 320, CV_8UC1, cv::Scalar(60));
+  cv::rectangle(image, cv::Point(100, 80), cv::Point(219, 159), cv::Scalar(200), cv::FILLED);
+  PointParameters parameters;
+  parameters.levels = 3;
+  parameters.scale_factor = 1.5;
+  int on_upper_levels = 0;
+  for (const PointFeature& feature : detectSoftened(image, parameters)) {
+    on_upper_levels += feature.octave > 0 ? 1 : 0;
+    EXPECT_LT(feature.octave, 3);
+    const float x =
+        std::min(std::abs(feature.pixel.x() - 99.5F), std::abs(feature.pixel.x() - 219.5F));
+    const float y =
+        std::min(std::abs(feature.pixel.y() - 79.5F), std::abs(feature.pixel.y() - 159.5F));
+    EXPECT_LE(std::max(x, y), 2.0F * std::pow(1.5F, static_cast<float>(feature.octave)));
+  }
+  EXPECT_GE(on_upper_levels, 4);
+}
+
+// --- Descriptors
+// ----------------------------------------------------------------------------------
+
+/// Descriptor distances of corners to the same places of an image turned about its centre, and to
+/// other places.
+struct Distances {
+  std::vector<int> same;
+  std::vector<int> other;
+};
+
+Distances distancesWhenTurned(double angle_deg) {
+  const cv::Mat image = texture(400, 400, 4);
+  const cv::Mat turn = cv::getRotationMatrix2D({199.5F, 199.5F}, angle_deg, 1.0);
+  cv::Mat turned;
+  cv::warpAffine(image, turned, turn, image.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT);
+  PointParameters parameters;
+  parameters.max_per_cell = 200;
+  const std::vector<PointFeature> before = PointDetector(parameters).detect(image);
+  const std::vector<PointFeature> after = PointDetector(parameters).detect(turned);
+  Distances distances;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Vector2f p = before[i].pixel;
+    if ((p - Vector2f(199.5F, 199.5F)).norm() > 150.0F) continue;
+    const Vector2f expected(
+        static_cast<float>(turn.at<double>(0, 0) * p.x() + turn.at<double>(0, 1) * p.y() +
+                           turn.at<double>(0, 2)),
+        static_cast<float>(turn.at<double>(1, 0) * p.x() + turn.at<double>(1, 1) * p.y() +
+                           turn.at<double>(1, 2)));
+    const PointFeature* same = nearest(after, expected);
+    if (same == nullptr || (same->pixel - expected).norm() > 1.0F) continue;
+    distances.same.push_back(hammingDistance(before[i].descriptor, same->descriptor));
+    distances.other.push_back(
+        hammingDistance(before[i].descriptor, after[(7 * i + 13) % after.size()].descriptor));
+  }
+  return distances;
+}
+
+int median(std::vector<int> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
+TEST(PointDescriptor, SurvivesRotation) {
+  for (const double angle_deg : {30.0, 90.0, 147.0}) {
+    const Distances distances = distancesWhenTurned(angle_deg);
+    ASSERT_GT(distances.same.size(), 100U) << angle_deg;
+    EXPECT_LT(median(distances.same), 50) << angle_deg;
+    EXPECT_GT(median(distances.other), 100) << angle_deg;
+  }
+}
+
+TEST(PointDescriptor, OrientationPointsToTheBrighterPart) {
+  // The bright part of the corner lies to the right below.
+  cv::Mat image(120, 120, CV_8UC1, cv::Scalar(40));
+  cv::rectangle(image, cv::Point(60, 60), cv::Point(119, 119), cv::Scalar(220), cv::FILLED);
+  const std::vector<PointFeature> features = detectSoftened(image);
+  const PointFeature* found = nearest(features, {60.0F, 60.0F});
+  ASSERT_NE(found, nullptr);
+  EXPECT_NEAR(found->angle_rad, M_PI / 4.0, 0.15);  // x right, y down
+}
+
+TEST(PointDescriptor, IgnoresBrightness) {
+  const cv::Mat image = texture(300, 200, 5, 50.0);
+  cv::Mat brighter;
+  image.convertTo(brighter, CV_8UC1, 1.3, 20.0);
+  const std::vector<PointFeature> before = PointDetector({}).detect(image);
+  const std::vector<PointFeature> after = PointDetector({}).detect(brighter);
+  std::vector<int> distances;
+  for (const PointFeature& feature : before) {
+    const PointFeature* same = nearest(after, feature.pixel);
+    if (same != nullptr && (same->pixel - feature.pixel).norm() < 0.5F)
+      distances.push_back(hammingDistance(feature.descriptor, same->descriptor));
+  }
+  ASSERT_GT(distances.size(), before.size() / 2);
+  EXPECT_LT(median(distances), 12);
+}
+
+// --- Nasty images
+// ---------------------------------------------------------------------------------
+
+TEST(PointDetector, FlatImagesGiveNone) {
+  for (const int grey : {0, 128, 255}) {
+    EXPECT_TRUE(PointDetector({}).detect(cv::Mat(200, 300, CV_8UC1, cv::Scalar(grey))).empty());
+  }
+}
+
+TEST(PointDetector, TinyImagesGiveNoneAndDoNoHarm) {
+  PointParameters parameters;
+  parameters.levels = 8;
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(3, 200), cv::Size(200, 3), cv::Size(40, 40),
+                               cv::Size(41, 41), cv::Size(47, 60)}) {
+    cv::Mat noise(size, CV_8UC1);
+    cv::randu(noise, 0, 256);
+    for (const PointFeature& feature : PointDetector(parameters).detect(noise)) {
+      EXPECT_GE(feature.pixel.minCoeff(), 0.0F);
+      EXPECT_LT(feature.pixel.x(), static_cast<float>(size.width));
+      EXPECT_LT(feature.pixel.y(), static_cast<float>(size.height));
+    }
+  }
+  EXPECT_TRUE(PointDetector(parameters).detect(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).empty());
+}
+
+TEST(PointDetector, PartOfALargerImageIsAnImage) {
+  const cv::Mat large = texture(500, 400, 6);
+  const cv::Mat part = large(cv::Rect(50, 60, 300, 200));
+  const std::vector<PointFeature> a = PointDetector({}).detect(part);
+  const std::vector<PointFeature> b = PointDetector({}).detect(part.clone());
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].descriptor, b[i].descriptor);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

@@ -1,0 +1,436 @@
+#include "point_line_odometry/stereo_odometry.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+constexpr std::int64_t kPeriodNs = 100000000;
+constexpr int kFrames = 8;
+
+const StereoCamera kCamera = synthetic::roomCamera();
+
+/// True pose of frame k: forwards with a gentle curve.
+Isometry3d truePose(int k) {
+  return synthetic::transform(k * Vector3d(0.002, -0.012, 0.003), k * Vector3d(0.02, -0.005, 0.12));
+}
+
+/// Rendered once for all tests.
+const StereoImages& frame(int k) {
+  static const std::vector<StereoImages> frames = [] {
+    std::vector<StereoImages> rendered;
+    for (int i = 0; i < kFrames; ++i)
+      rendered.push_back(synthetic::renderStereo(kCamera, truePose(i), (i + 1) * kPeriodNs));
+    return rendered;
+  }();
+  return frames.at(static_cast<std::size_t>(k));
+}
+
+StereoImages black(std::int64_t stamp_ns) {
+  const cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0));
+  return {image, image, stamp_ns};
+}
+
+StereoImages stamped(StereoImages images, std::int64_t stamp_ns) {
+  images.stamp_ns = stamp_ns;
+  return images;
+}
+
+bool allFinite(const FrameResult& result) {
+  return result.T_odom_camera.matrix().allFinite() && result.pose_covariance.allFinite() &&
+         result.twist.allFinite() && result.twist_covariance.allFinite() &&
+         std::isfinite(result.rms_px);
+}
+
+void expectPose(const FrameResult& result, const Isometry3d& truth, double tolerance_m,
+                double tolerance_rad) {
+  EXPECT_LT((result.T_odom_camera.translation() - truth.translation()).norm(), tolerance_m);
+  EXPECT_LT(synthetic::logarithm(result.T_odom_camera.linear().transpose() * truth.linear()).norm(),
+            tolerance_rad);
+}
+
+std::vector<FrameResult> run(const Parameters& parameters) {
+  StereoOdometry odometry(kCamera, parameters);
+  std::vector<FrameResult> results;
+  for (int k = 0; k < kFrames; ++k) results.push_back(odometry.process(frame(k)));
+  return results;
+}
+
+void expectTheDrive(const std::vector<FrameResult>& results, double tolerance_m,
+                    double tolerance_rad) {
+  for (int k = 1; k < kFrames; ++k) {
+    ASSERT_EQ(results[k].state, TrackingState::kOk) << k << ' ' << toString(results[k].reason);
+    EXPECT_EQ(results[k].reason, TrackingReason::kNone);
+    expectPose(results[k], truePose(k), tolerance_m, tolerance_rad);
+  }
+}
+
+// --- The drive
+// ------------------------------------------------------------------------------------
+
+TEST(StereoOdometry, FirstFrameIsTheOrigin) {
+  StereoOdometry odometry(kCamera, {});
+  const FrameResult result = odometry.process(frame(0));
+  EXPECT_EQ(result.state, TrackingState::kInitializing);
+  EXPECT_EQ(result.reason, TrackingReason::kFirstFrame);
+  EXPECT_TRUE(result.accepted());
+  EXPECT_EQ(result.stamp_ns, kPeriodNs);
+  EXPECT_EQ(result.T_odom_camera.matrix(), Isometry3d::Identity().matrix());
+  EXPECT_EQ(result.pose_covariance, Matrix6d::Zero());
+  EXPECT_EQ(result.twist, Vector6d::Zero());
+  EXPECT_GT(result.counts.points_left, 50);
+  EXPECT_GT(result.counts.lines_left, 20);
+  EXPECT_GT(result.counts.point_stereo_matches, 20);
+  EXPECT_EQ(result.counts.point_matches, 0);
+  EXPECT_EQ(result.unmatched_points_px.size(), static_cast<std::size_t>(result.counts.points_left));
+}
+
+TEST(StereoOdometry, RecoversAKnownMotion) {
+  const std::vector<FrameResult> results = run({});
+  expectTheDrive(results, 0.015, 0.003);
+  for (int k = 1; k < kFrames; ++k) {
+    const FrameResult& result = results[k];
+    EXPECT_TRUE(allFinite(result));
+    EXPECT_GT(result.counts.point_inliers, 20);
+    EXPECT_GT(result.counts.line_inliers, 5);
+    EXPECT_LE(result.counts.point_inliers, result.counts.point_matches);
+    EXPECT_LT(result.rms_px, 1.0);
+    EXPECT_GT(result.times.total_ms, 0.0);
+    EXPECT_EQ(result.points.size(), static_cast<std::size_t>(result.counts.point_matches));
+    // Velocity in the camera's own axes: 0.12 m in 0.1 s.
+    EXPECT_NEAR(result.twist.head(3).norm(), truePose(1).translation().norm() / 0.1, 0.1);
+    EXPECT_NEAR(result.twist(4), -0.12, 0.03);
+  }
+}
+
+TEST(StereoOdometry, ObservedPointsLieWhereTheyAreSeen) {
+  const FrameResult result = run({}).back();
+  ASSERT_GT(result.points.size(), 20U);
+  for (const ObservedPoint& point : result.points) {
+    EXPECT_LT(
+        (kCamera.projectLeft(point.p_camera.cast<double>()) - point.left_px.cast<double>()).norm(),
+        0.01);
+    EXPECT_LT((kCamera.projectRight(point.p_camera.cast<double>()) - point.right_px.cast<double>())
+                  .norm(),
+              3.0);
+  }
+  for (const ObservedLine& line : result.lines) {
+    EXPECT_LT(
+        (kCamera.projectLeft(line.start_camera.cast<double>()) - line.left_px.start.cast<double>())
+            .norm(),
+        0.01);
+  }
+}
+
+TEST(StereoOdometry, CovarianceGrowsAndCoversTheError) {
+  const std::vector<FrameResult> results = run({});
+  double last = 0.0;
+  for (int k = 1; k < kFrames; ++k) {
+    const Matrix6d& covariance = results[k].pose_covariance;
+    const double variance = covariance.diagonal().head(3).sum();
+    EXPECT_GT(variance, last);
+    EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix6d>(covariance).eigenvalues().minCoeff(), 0.0);
+    last = variance;
+    const Vector3d error = results[k].T_odom_camera.translation() - truePose(k).translation();
+    EXPECT_LT(error.norm(), 6.0 * std::sqrt(last)) << k;
+  }
+}
+
+TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
+  const std::vector<FrameResult> first = run({});
+  const std::vector<FrameResult> second = run({});
+  for (int k = 0; k < kFrames; ++k) {
+    EXPECT_EQ(first[k].T_odom_camera.matrix(), second[k].T_odom_camera.matrix());
+    EXPECT_EQ(first[k].pose_covariance, second[k].pose_covariance);
+    EXPECT_EQ(first[k].counts.point_inliers, second[k].counts.point_inliers);
+  }
+}
+
+TEST(StereoOdometry, PointsOnly) {
+  Parameters parameters;
+  parameters.lines.enabled = false;
+  const std::vector<FrameResult> results = run(parameters);
+  expectTheDrive(results, 0.02, 0.004);
+  EXPECT_EQ(results.back().counts.lines_left + results.back().counts.line_matches, 0);
+  EXPECT_TRUE(results.back().lines.empty());
+}
+
+TEST(StereoOdometry, LinesOnly) {
+  Parameters parameters;
+  parameters.points.enabled = false;
+  const std::vector<FrameResult> results = run(parameters);
+  expectTheDrive(results, 0.05, 0.01);
+  EXPECT_EQ(results.back().counts.points_left + results.back().counts.point_matches, 0);
+  EXPECT_TRUE(results.back().points.empty());
+}
+
+TEST(StereoOdometry, PaperMode) {
+  Parameters parameters;
+  parameters.motion.residual_images = "left";
+  parameters.motion.fuse_rotation = true;
+  parameters.tracking.refine_calibration = false;
+  const std::vector<FrameResult> results = run(parameters);
+  expectTheDrive(results, 0.03, 0.006);
+  EXPECT_EQ(results[1].times[Stage::kFuse], 0.0);  // there is no frame k-2 yet
+  EXPECT_GT(results[2].times[Stage::kFuse], 0.0);
+}
+
+TEST(StereoOdometry, OtherOptionsRun) {
+  for (const int option : {0, 1, 2}) {
+    Parameters parameters;
+    if (option == 0) parameters.matching.refine_subpixel = false;
+    if (option == 1) parameters.motion.use_triangulation_covariance = false;
+    if (option == 2) parameters.points.levels = 3;
+    expectTheDrive(run(parameters), option == 0 ? 0.06 : 0.03, 0.01);
+  }
+}
+
+// --- Frames that are dropped
+// ----------------------------------------------------------------------
+
+TEST(StereoOdometry, EqualAndOlderStampsAreDropped) {
+  StereoOdometry odometry(kCamera, {});
+  odometry.process(frame(0));
+  const FrameResult good = odometry.process(frame(1));
+  for (const std::int64_t stamp_ns :
+       {2 * kPeriodNs, kPeriodNs, std::int64_t{0}, std::int64_t{-5}}) {
+    const FrameResult dropped = odometry.process(stamped(frame(5), stamp_ns));
+    EXPECT_EQ(dropped.reason, TrackingReason::kStampNotNewer);
+    EXPECT_FALSE(dropped.accepted());
+    EXPECT_EQ(dropped.state, TrackingState::kOk);
+    EXPECT_EQ(dropped.T_odom_camera.matrix(), good.T_odom_camera.matrix());
+  }
+  const FrameResult next = odometry.process(frame(2));
+  EXPECT_EQ(next.T_odom_camera.matrix(), run({})[2].T_odom_camera.matrix())
+      << "the dropped ones left no trace";
+}
+
+TEST(StereoOdometry, WrongImagesAreDropped) {
+  StereoOdometry odometry(kCamera, {});
+  odometry.process(frame(0));
+  odometry.process(frame(1));
+  cv::Mat colour(kCamera.height, kCamera.width, CV_8UC3, cv::Scalar::all(9));
+  const cv::Mat small(kCamera.height - 1, kCamera.width, CV_8UC1, cv::Scalar(9));
+  const cv::Mat deep(kCamera.height, kCamera.width, CV_16UC1, cv::Scalar(9));
+  for (const cv::Mat& wrong : {cv::Mat(), colour, small, deep}) {
+    for (const bool left : {true, false}) {
+      StereoImages images = stamped(frame(2), 25 * kPeriodNs / 10);
+      (left ? images.left : images.right) = wrong;
+      const FrameResult dropped = odometry.process(images);
+      EXPECT_EQ(dropped.reason, TrackingReason::kWrongImages);
+      EXPECT_FALSE(dropped.accepted());
+    }
+  }
+  EXPECT_EQ(odometry.process(frame(2)).T_odom_camera.matrix(), run({})[2].T_odom_camera.matrix());
+}
+
+TEST(StereoOdometry, ImagesMayBeOverwrittenAfterwards) {
+  StereoOdometry odometry(kCamera, {});
+  StereoImages buffer{frame(0).left.clone(), frame(0).right.clone(), frame(0).stamp_ns};
+  odometry.process(buffer);
+  buffer.left.setTo(0);
+  buffer.right.setTo(0);
+  EXPECT_EQ(odometry.process(frame(1)).T_odom_camera.matrix(), run({})[1].T_odom_camera.matrix());
+}
+
+// --- Losing and finding again
+// ---------------------------------------------------------------------
+
+TEST(StereoOdometry, BlackFramesDegradeThenLoseThenRecover) {
+  StereoOdometry odometry(kCamera, {});
+  FrameResult last;
+  for (int k = 0; k < 4; ++k) last = odometry.process(frame(k));
+  const Isometry3d before = last.T_odom_camera;
+  for (int i = 1; i <= 9; ++i) {  // 0.9 s; the velocity is kept for 0.5 s
+    const FrameResult result = odometry.process(black((4 + i) * kPeriodNs));
+    EXPECT_TRUE(allFinite(result));
+    EXPECT_EQ(result.reason, TrackingReason::kTooFewFeatures);
+    EXPECT_EQ(result.state, i <= 5 ? TrackingState::kDegraded : TrackingState::kLost) << i;
+    EXPECT_GT(result.pose_covariance.trace(), last.pose_covariance.trace());
+    const double step =
+        (result.T_odom_camera.translation() - last.T_odom_camera.translation()).norm();
+    if (i <= 5) {
+      EXPECT_NEAR(step, 0.12, 0.01);
+    } else {
+      EXPECT_EQ(step, 0.0);
+    }
+    last = result;
+  }
+  expectPose(last, before * (truePose(3).inverse() * truePose(8)), 0.05, 0.02);
+  // Light again: the frames are matched with the last one before the dark.
+  const FrameResult found = odometry.process(stamped(frame(4), 14 * kPeriodNs));
+  EXPECT_EQ(found.state, TrackingState::kOk) << toString(found.reason);
+  expectPose(found, truePose(4), 0.02, 0.004);
+  const FrameResult next = odometry.process(stamped(frame(5), 15 * kPeriodNs));
+  EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+  EXPECT_TRUE(allFinite(found) && allFinite(next));
+  expectPose(next, truePose(5), 0.02, 0.004);
+}
+
+TEST(StereoOdometry, AnotherSceneIsTakenAsNewReferenceWhenLost) {
+  StereoOdometry odometry(kCamera, {});
+  FrameResult last;
+  for (int k = 0; k < 3; ++k) last = odometry.process(frame(k));
+  const Isometry3d about = synthetic::transform({0.0, M_PI, 0.0}, Vector3d::Zero());
+  const StereoImages behind = synthetic::renderStereo(kCamera, truePose(2) * about, 0);
+  const StereoImages after = synthetic::renderStereo(kCamera, truePose(3) * about, 0);
+  for (int i = 1; i <= 7; ++i) {
+    const FrameResult result = odometry.process(stamped(behind, (3 + i) * kPeriodNs));
+    EXPECT_TRUE(allFinite(result));
+    if (i <= 5) {
+      EXPECT_EQ(result.state, TrackingState::kDegraded) << i << ' ' << toString(result.reason);
+    }
+    if (i < 7) {
+      EXPECT_GT(result.pose_covariance.trace(), last.pose_covariance.trace());
+    }
+    last = result;
+  }
+  EXPECT_EQ(last.state, TrackingState::kOk) << "a new reference, and no motion since";
+  const FrameResult next = odometry.process(stamped(after, 11 * kPeriodNs));
+  EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+  EXPECT_GE(next.pose_covariance.trace(), 0.9 * last.pose_covariance.trace())
+      << "nothing has told where it is";
+  const Isometry3d moved = last.T_odom_camera.inverse() * next.T_odom_camera;
+  const Isometry3d truth = (truePose(2) * about).inverse() * truePose(3) * about;
+  EXPECT_LT((moved.translation() - truth.translation()).norm(), 0.02);
+}
+
+TEST(StereoOdometry, AShortBlackoutIsBridgedByTheImages) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 4; ++k) odometry.process(frame(k));
+  EXPECT_EQ(odometry.process(black(5 * kPeriodNs)).state, TrackingState::kDegraded);
+  const FrameResult result = odometry.process(frame(5));
+  EXPECT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+  expectPose(result, truePose(5), 0.02, 0.004);
+}
+
+TEST(StereoOdometry, BlackFromTheStart) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) {
+    const FrameResult result = odometry.process(black((k + 1) * kPeriodNs));
+    EXPECT_TRUE(allFinite(result));
+    EXPECT_NE(result.state, TrackingState::kOk);
+    EXPECT_EQ(result.T_odom_camera.matrix(), Isometry3d::Identity().matrix());
+  }
+  FrameResult result;
+  for (int k = 3; k < kFrames; ++k)
+    result = odometry.process(stamped(frame(k), (k + 10) * kPeriodNs));
+  EXPECT_EQ(result.state, TrackingState::kOk);
+}
+
+TEST(StereoOdometry, NoiseIsNoMotion) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  cv::theRNG().state = 1;
+  for (int k = 0; k < 3; ++k) {
+    StereoImages noise = black((4 + k) * kPeriodNs);
+    noise.left = noise.left.clone();
+    noise.right = noise.right.clone();
+    cv::randu(noise.left, 0, 256);
+    cv::randu(noise.right, 0, 256);
+    const FrameResult result = odometry.process(noise);
+    EXPECT_EQ(result.state, TrackingState::kDegraded) << toString(result.reason);
+    EXPECT_TRUE(allFinite(result));
+  }
+}
+
+TEST(StereoOdometry, AGapStartsANewReferenceAndKeepsThePose) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  const FrameResult before = odometry.process(frame(3));
+  const FrameResult gap = odometry.process(stamped(frame(4), 4 * kPeriodNs + 1100000000));
+  EXPECT_EQ(gap.reason, TrackingReason::kFrameGap);
+  EXPECT_NE(gap.state, TrackingState::kOk);
+  EXPECT_TRUE(gap.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
+  EXPECT_GT(gap.pose_covariance.trace(), 10.0 * before.pose_covariance.trace());
+  const FrameResult next = odometry.process(stamped(frame(5), 5 * kPeriodNs + 1100000000));
+  EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+  expectPose(next, gap.T_odom_camera * truePose(4).inverse() * truePose(5), 0.01, 0.003);
+}
+
+TEST(StereoOdometry, TooFastIsRejected) {
+  Parameters parameters;
+  parameters.tracking.max_speed_m_s = 1.0;  // the camera moves at 1.2
+  EXPECT_EQ(run(parameters)[1].reason, TrackingReason::kTooFast);
+  EXPECT_NE(run(parameters)[1].state, TrackingState::kOk);
+  parameters = {};
+  parameters.tracking.max_turn_rate_deg_s = 5.0;  // 7 deg/s
+  EXPECT_EQ(run(parameters)[1].reason, TrackingReason::kTooFast);
+}
+
+// --- Orders from outside
+// --------------------------------------------------------------------------
+
+TEST(StereoOdometry, ResetStartsAtThePose) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  const Isometry3d start = synthetic::transform({0.1, 0.2, 0.3}, {5.0, 6.0, 7.0});
+  odometry.reset(start);
+  const FrameResult first = odometry.process(stamped(frame(0), 1));  // older stamps are fine again
+  EXPECT_EQ(first.reason, TrackingReason::kFirstFrame);
+  EXPECT_EQ(first.T_odom_camera.matrix(), start.matrix());
+  EXPECT_EQ(first.pose_covariance, Matrix6d::Zero());
+  EXPECT_EQ(first.twist, Vector6d::Zero());
+  const FrameResult second = odometry.process(stamped(frame(1), 1 + kPeriodNs));
+  expectPose(second, start * truePose(1), 0.01, 0.003);
+}
+
+TEST(StereoOdometry, NewCameraAndParametersKeepThePose) {
+  for (const bool camera_changes : {true, false}) {
+    StereoOdometry odometry(kCamera, {});
+    for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+    const FrameResult before = odometry.process(frame(3));
+    StereoCamera other = kCamera;
+    other.cx += 0.2;
+    Parameters parameters;
+    parameters.lines.enabled = false;
+    camera_changes ? odometry.setCamera(other) : odometry.setParameters(parameters);
+    const FrameResult first = odometry.process(frame(4));
+    EXPECT_TRUE(first.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
+    EXPECT_EQ(first.state, TrackingState::kInitializing);
+    EXPECT_GE(first.pose_covariance.trace(), before.pose_covariance.trace());
+    const FrameResult next = odometry.process(frame(5));
+    EXPECT_EQ(next.state, TrackingState::kOk);
+    expectPose(next, before.T_odom_camera * truePose(4).inverse() * truePose(5), 0.02, 0.005);
+  }
+}
+
+TEST(StereoOdometry, BadCameraAndParametersThrowAndAreNamed) {
+  const auto expectNamed = [](const std::vector<const char*>& names,
+                              const std::function<void()>& work) {
+    try {
+      work();
+      ADD_FAILURE() << names[0] << " was not refused";
+    } catch (const std::invalid_argument& error) {
+      for (const char* name : names)
+        EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
+  };
+  StereoCamera swapped = kCamera;
+  swapped.baseline_m = -0.2;
+  Parameters bad;
+  bad.points.levels = 0;
+  bad.motion.huber_delta = std::numeric_limits<double>::quiet_NaN();
+  expectNamed({"baseline_m"}, [&] { StereoOdometry(swapped, {}); });
+  expectNamed({"points/levels", "motion/huber_delta"}, [&] { StereoOdometry(kCamera, bad); });
+  StereoOdometry odometry(kCamera, {});
+  expectNamed({"baseline_m"}, [&] { odometry.setCamera(swapped); });
+  expectNamed({"points/levels", "motion/huber_delta"}, [&] { odometry.setParameters(bad); });
+  EXPECT_EQ(odometry.camera(), kCamera);  // and nothing has changed
+  EXPECT_EQ(odometry.parameters().points.levels, 1);
+  odometry.process(frame(0));
+  EXPECT_EQ(odometry.process(frame(1)).state, TrackingState::kOk);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

@@ -1,0 +1,152 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+
+#include "point_line_odometry/matching.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Vector2f;
+
+constexpr int kSize = 100;
+
+/// A smooth texture, known at every place: what is at p in the first image is at p + shift in this
+/// one.
+cv::Mat waves(const Vector2f& shift, double gain = 1.0, double offset = 0.0, unsigned seed = 1) {
+  synthetic::Random random(seed);
+  struct Wave {
+    double kx, ky, phase;
+  };
+  std::vector<Wave> all;
+  for (int i = 0; i < 12; ++i) {
+    const double direction = random.uniform(0.0, 2.0 * M_PI);
+    const double frequency = 2.0 * M_PI / random.uniform(7.0, 20.0);
+    all.push_back({frequency * std::cos(direction), frequency * std::sin(direction),
+                   random.uniform(0.0, 6.0)});
+  }
+  cv::Mat image(kSize, kSize, CV_8UC1);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      double value = 0.0;
+      for (const Wave& wave : all)
+        value += std::sin(wave.kx * (x - shift.x()) + wave.ky * (y - shift.y()) + wave.phase);
+      image.at<uchar>(y, x) = cv::saturate_cast<uchar>(gain * (120.0 + 15.0 * value) + offset);
+    }
+  }
+  return image;
+}
+
+const cv::Mat kReference = waves({0.0F, 0.0F});
+
+TEST(AlignPatch, SameImageStaysPut) {
+  const auto found = alignPatch(kReference, {50.0F, 40.0F}, kReference, {50.0F, 40.0F});
+  ASSERT_TRUE(found);
+  EXPECT_LT((*found - Vector2f(50.0F, 40.0F)).norm(), 1e-3F);
+}
+
+TEST(AlignPatch, RecoversSubpixelShifts) {
+  for (float dx = -1.0F; dx <= 1.0F; dx += 0.25F) {
+    for (float dy = -1.0F; dy <= 1.0F; dy += 0.25F) {
+      const Vector2f shift(dx + 0.03F, dy - 0.07F);
+      const cv::Mat target = waves(shift);
+      for (const Vector2f& pixel :
+           {Vector2f(30.0F, 40.0F), Vector2f(60.0F, 55.0F), Vector2f(45.4F, 70.7F)}) {
+        const auto found = alignPatch(kReference, pixel, target, pixel);
+        ASSERT_TRUE(found) << shift.transpose();
+        EXPECT_LT((*found - pixel - shift).norm(), 0.05F) << shift.transpose();
+      }
+    }
+  }
+}
+
+TEST(AlignPatch, FindsALargeShiftFromAGoodInitialPlace) {
+  const cv::Mat target = waves({17.3F, -8.6F});
+  const auto found = alignPatch(kReference, {40.0F, 60.0F}, target, {57.0F, 52.0F});
+  ASSERT_TRUE(found);
+  EXPECT_LT((*found - Vector2f(57.3F, 51.4F)).norm(), 0.05F);
+}
+
+TEST(AlignPatch, IgnoresABrightnessOffset) {
+  const Vector2f shift(0.4F, -0.3F);
+  for (const double offset : {-30.0, 25.0}) {
+    const auto found =
+        alignPatch(kReference, {50.0F, 50.0F}, waves(shift, 1.0, offset), {50.0F, 50.0F});
+    ASSERT_TRUE(found) << offset;
+    EXPECT_LT((*found - Vector2f(50.4F, 49.7F)).norm(), 0.05F) << offset;
+  }
+}
+
+TEST(AlignPatch, StandsASmallGain) {
+  const auto found =
+      alignPatch(kReference, {50.0F, 50.0F}, waves({0.4F, -0.3F}, 1.1, -10.0), {50.0F, 50.0F});
+  ASSERT_TRUE(found);
+  EXPECT_LT((*found - Vector2f(50.4F, 49.7F)).norm(), 0.1F);
+}
+
+TEST(AlignPatch, RefusesAFlatPatch) {
+  const cv::Mat flat(kSize, kSize, CV_8UC1, cv::Scalar(128));
+  EXPECT_FALSE(alignPatch(flat, {50.0F, 50.0F}, flat, {50.0F, 50.0F}));
+  EXPECT_FALSE(alignPatch(flat, {50.0F, 50.0F}, kReference, {50.0F, 50.0F}));
+}
+
+TEST(AlignPatch, RefusesAStraightEdge) {
+  cv::Mat edge(kSize, kSize, CV_8UC1, cv::Scalar(60));
+  edge.colRange(50, kSize) = 180;
+  EXPECT_FALSE(alignPatch(edge, {50.0F, 50.0F}, edge, {50.0F, 50.0F}))
+      << "it may slide along the edge";
+}
+
+TEST(AlignPatch, RefusesPatchesThatLeaveTheImage) {
+  for (const float at : {-1e30F, -1.0F, 0.0F, 4.0F, 96.0F, 99.0F, 1e30F}) {
+    EXPECT_FALSE(alignPatch(kReference, {at, 50.0F}, kReference, {50.0F, 50.0F})) << at;
+    EXPECT_FALSE(alignPatch(kReference, {50.0F, at}, kReference, {50.0F, 50.0F})) << at;
+    EXPECT_FALSE(alignPatch(kReference, {50.0F, 50.0F}, kReference, {at, 50.0F})) << at;
+    EXPECT_FALSE(alignPatch(kReference, {50.0F, 50.0F}, kReference, {50.0F, at})) << at;
+  }
+  EXPECT_TRUE(alignPatch(kReference, {8.0F, 8.0F}, kReference, {8.0F, 8.0F}));
+  EXPECT_TRUE(alignPatch(kReference, {91.0F, 91.0F}, kReference, {91.0F, 91.0F}));
+}
+
+TEST(AlignPatch, RefusesNaN) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_FALSE(alignPatch(kReference, {nan, 50.0F}, kReference, {50.0F, 50.0F}));
+  EXPECT_FALSE(alignPatch(kReference, {50.0F, 50.0F}, kReference, {50.0F, nan}));
+}
+
+TEST(AlignPatch, RefusesTinyAndEmptyImages) {
+  const cv::Mat tiny = kReference(cv::Rect(0, 0, 9, 9)).clone();
+  EXPECT_FALSE(alignPatch(tiny, {4.0F, 4.0F}, tiny, {4.0F, 4.0F}));
+  EXPECT_FALSE(alignPatch(kReference, {50.0F, 50.0F}, tiny, {4.0F, 4.0F}));
+  EXPECT_FALSE(alignPatch(cv::Mat(), {4.0F, 4.0F}, kReference, {50.0F, 50.0F}));
+}
+
+TEST(AlignPatch, NeverGoesFarFromTheInitialPlace) {
+  int refused = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Vector2f away(8.0F * std::cos(0.5F * static_cast<float>(i)),
+                        8.0F * std::sin(0.5F * static_cast<float>(i)));
+    const Vector2f initial = Vector2f(50.0F, 50.0F) + away;
+    const auto found = alignPatch(kReference, {50.0F, 50.0F}, kReference, initial);
+    refused += found ? 0 : 1;
+    if (found) {
+      EXPECT_LT((*found - initial).norm(), 3.0F);
+    }
+  }
+  EXPECT_GE(refused, 32);
+}
+
+TEST(AlignPatch, RefusesADifferentPicture) {
+  int refused = 0;
+  for (unsigned seed = 2; seed < 42; ++seed) {
+    const cv::Mat other = waves({0.0F, 0.0F}, 1.0, 0.0, seed);
+    refused += alignPatch(kReference, {50.0F, 50.0F}, other, {50.0F, 50.0F}) ? 0 : 1;
+  }
+  EXPECT_GE(refused, 38);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

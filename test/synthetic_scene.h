@@ -1,0 +1,260 @@
+#pragma once
+
+/// \file
+/// Seeded synthetic data with known truth, shared by the tests of several stages: cameras and
+/// motions, matches of points and lines with noise, and rendered images of a tiled room.
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <random>
+#include <vector>
+
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/triangulation.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+namespace synthetic {
+
+/// A camera whose numbers all differ, so that a mixed-up one shows.
+inline StereoCamera camera() {
+  StereoCamera camera;
+  camera.fx = 700.0;
+  camera.fy = 680.0;
+  camera.cx = 330.0;
+  camera.cy = 235.0;
+  camera.baseline_m = 0.4;
+  camera.width = 640;
+  camera.height = 480;
+  return camera;
+}
+
+inline Eigen::Isometry3d transform(const Eigen::Vector3d& rotation_vector,
+                                   const Eigen::Vector3d& t) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  const double angle = rotation_vector.norm();
+  if (angle > 0.0) T.linear() = Eigen::AngleAxisd(angle, rotation_vector / angle).matrix();
+  T.translation() = t;
+  return T;
+}
+
+/// Rotation vector of R.
+inline Eigen::Vector3d logarithm(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd angle_axis(R);
+  return angle_axis.angle() * angle_axis.axis();
+}
+
+/// A motion with all six components, as T_curr_prev.
+inline Eigen::Isometry3d motion() { return transform({0.02, -0.03, 0.015}, {0.06, -0.04, -0.35}); }
+
+class Random {
+ public:
+  explicit Random(unsigned seed) : generator_(seed) {}
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator_);
+  }
+  double normal(double sigma) { return sigma * normal_(generator_); }
+  std::uint64_t bits() { return generator_(); }
+
+ private:
+  std::mt19937_64 generator_;
+  std::normal_distribution<double> normal_;
+};
+
+inline Descriptor randomDescriptor(Random* random) {
+  return {random->bits(), random->bits(), random->bits(), random->bits()};
+}
+
+/// The same descriptor with its first `count` bits flipped.
+inline Descriptor flipped(Descriptor descriptor, int count) {
+  for (int bit = 0; bit < count; ++bit) descriptor[bit / 64] ^= std::uint64_t{1} << (bit % 64);
+  return descriptor;
+}
+
+/// A place that the left camera sees, at a depth from 3 to 15 m.
+inline Eigen::Vector3d visiblePoint(const StereoCamera& camera, Random* random) {
+  const Eigen::Vector2d pixel(random->uniform(60.0, camera.width - 20.0),
+                              random->uniform(20.0, camera.height - 20.0));
+  return backProject(camera, pixel, camera.fx * camera.baseline_m / random->uniform(3.0, 15.0));
+}
+
+/// Moves a pixel across a direction.
+inline Eigen::Vector2d across(const Eigen::Vector2d& pixel, const Eigen::Vector2d& direction,
+                              double shift_px) {
+  return pixel + shift_px * Eigen::Vector2d(-direction.y(), direction.x()).normalized();
+}
+
+struct MatchOptions {
+  int points = 60;
+  int lines = 30;
+  double noise_px = 0.0;  ///< of each pixel coordinate of points, and of end points across lines
+  double sigma_px = 0.3;  ///< what the matches say their noise is
+  double outlier_share = 0.0;  ///< of matches whose pixels in frame k belong to something else
+};
+
+inline PointCorrespondence pointMatch(const StereoCamera& camera,
+                                      const Eigen::Isometry3d& T_curr_prev,
+                                      const MatchOptions& options, Random* random) {
+  const auto noisy = [&](const Eigen::Vector2d& p) {
+    return Eigen::Vector2d(p.x() + random->normal(options.noise_px),
+                           p.y() + random->normal(options.noise_px));
+  };
+  const Eigen::Vector3d p = visiblePoint(camera, random);
+  const auto triangulated =
+      triangulatePoint(camera, noisy(camera.projectLeft(p)), noisy(camera.projectRight(p)).x(),
+                       options.sigma_px, 0.1);
+  PointCorrespondence match;
+  match.p_prev = triangulated.value().p_camera;
+  match.covariance = triangulated->covariance;
+  match.left_px = noisy(camera.projectLeft(T_curr_prev * p));
+  match.right_px = noisy(camera.projectRight(T_curr_prev * p));
+  match.sigma_px = options.sigma_px;
+  return match;
+}
+
+/// A segment of 1 to 3 m, well off the epipolar direction, whose pixels in frame k have slid along
+/// the line.
+inline LineCorrespondence lineMatch(const StereoCamera& camera,
+                                    const Eigen::Isometry3d& T_curr_prev,
+                                    const MatchOptions& options, Random* random) {
+  Eigen::Vector3d start;
+  Eigen::Vector3d end;
+  Eigen::Vector2d direction;
+  do {
+    start = visiblePoint(camera, random);
+    end = start + Eigen::Vector3d(random->uniform(-1.5, 1.5), random->uniform(-2.0, 2.0),
+                                  random->uniform(-1.0, 1.0));
+    direction = (camera.projectLeft(end) - camera.projectLeft(start)).normalized();
+  } while ((end - start).norm() < 1.0 || std::abs(direction.y()) < 0.6);
+
+  const auto noisySegment = [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return LineSegment{across(a, b - a, random->normal(options.noise_px)).cast<float>(),
+                       across(b, b - a, random->normal(options.noise_px)).cast<float>()};
+  };
+  const LineSegment left = noisySegment(camera.projectLeft(start), camera.projectLeft(end));
+  const LineSegment right = noisySegment(camera.projectRight(start), camera.projectRight(end));
+  const auto triangulated = triangulateLine(camera, left, right, options.sigma_px, {});
+  LineCorrespondence match;
+  match.covariance = triangulated.value().covariance;
+  // Segments are of floats: exact data is put in as such.
+  match.start_prev = options.noise_px > 0.0 ? triangulated->start_camera : start;
+  match.end_prev = options.noise_px > 0.0 ? triangulated->end_camera : end;
+  const Eigen::Vector3d a = T_curr_prev * (start + 0.1 * (end - start));
+  const Eigen::Vector3d b = T_curr_prev * (start + 0.8 * (end - start));
+  const auto seen = [&](const Eigen::Vector2d& p, const Eigen::Vector2d& other) {
+    return across(p, other - p, random->normal(options.noise_px));
+  };
+  match.left_start_px = seen(camera.projectLeft(a), camera.projectLeft(b));
+  match.left_end_px = seen(camera.projectLeft(b), camera.projectLeft(a));
+  match.right_start_px = seen(camera.projectRight(a), camera.projectRight(b));
+  match.right_end_px = seen(camera.projectRight(b), camera.projectRight(a));
+  match.sigma_px = options.sigma_px;
+  return match;
+}
+
+/// Matches under a known motion; the first ones of each kind are the outliers.
+inline Correspondences matches(const StereoCamera& camera, const Eigen::Isometry3d& T_curr_prev,
+                               const MatchOptions& options, unsigned seed) {
+  Random random(seed);
+  Correspondences all;
+  for (int i = 0; i < options.points; ++i) {
+    all.points.push_back(pointMatch(camera, T_curr_prev, options, &random));
+    if (i >= options.outlier_share * options.points) continue;
+    const Eigen::Vector2d away(random.uniform(8.0, 60.0), random.uniform(-60.0, -8.0));
+    all.points.back().left_px += away;
+    all.points.back().right_px += away;
+  }
+  for (int i = 0; i < options.lines; ++i) {
+    all.lines.push_back(lineMatch(camera, T_curr_prev, options, &random));
+    if (i >= options.outlier_share * options.lines) continue;
+    LineCorrespondence& line = all.lines.back();
+    const Eigen::Vector2d away(random.uniform(10.0, 60.0), 0.0);
+    for (Eigen::Vector2d* pixel :
+         {&line.left_start_px, &line.left_end_px, &line.right_start_px, &line.right_end_px}) {
+      *pixel += away;
+    }
+  }
+  return all;
+}
+
+// --- Rendered images ----------------------------------------------------------------------------
+
+/// Camera of the rendered images.
+inline StereoCamera roomCamera() {
+  StereoCamera camera;
+  camera.fx = camera.fy = 300.0;
+  camera.cx = 199.5;
+  camera.cy = 139.5;
+  camera.baseline_m = 0.2;
+  camera.width = 400;
+  camera.height = 280;
+  return camera;
+}
+
+/// Brightness of a wall's tile; the same for the same numbers.
+inline double tileBrightness(int wall, int row, int column) {
+  std::uint32_t h = 2166136261U;
+  for (const int number : {wall, row, column}) {
+    h = (h ^ static_cast<std::uint32_t>(number + 1000)) * 16777619U;
+    h ^= h >> 13;
+  }
+  h *= 0x5bd1e995U;
+  h ^= h >> 15;
+  return 30.0 + h % 200;
+}
+
+/// What a camera at a place of a room of 6 x 4 x 12 m with tiled walls sees; anti-aliased by 3 x 3
+/// rays a pixel.
+inline cv::Mat renderRoom(const StereoCamera& camera, const Eigen::Isometry3d& T_room_camera) {
+  constexpr int kRays = 3;
+  constexpr double kTile = 0.4;
+  const Eigen::Vector3d low(-3.0, -2.2, -4.0);
+  const Eigen::Vector3d high(3.0, 1.8, 8.0);
+  const Eigen::Vector3d origin = T_room_camera.translation();
+  cv::Mat image(camera.height, camera.width, CV_8UC1);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      double sum = 0.0;
+      for (int ray = 0; ray < kRays * kRays; ++ray) {
+        const double u = x - 0.5 + (ray % kRays + 0.5) / kRays;
+        const double v = y - 0.5 + (ray / kRays + 0.5) / kRays;
+        const Eigen::Vector3d direction =
+            T_room_camera.linear() *
+            Eigen::Vector3d((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
+        double nearest = 1e9;
+        int wall = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+          if (direction[axis] == 0.0) continue;
+          const bool far_side = direction[axis] > 0.0;
+          const double range = ((far_side ? high : low)[axis] - origin[axis]) / direction[axis];
+          if (range >= nearest) continue;
+          nearest = range;
+          wall = 2 * axis + (far_side ? 1 : 0);
+        }
+        const Eigen::Vector3d hit = origin + nearest * direction;
+        const int first = wall / 2 == 0 ? 1 : 0;
+        const int second = wall / 2 == 2 ? 1 : 2;
+        sum += tileBrightness(wall, static_cast<int>(std::floor(hit[first] / kTile)),
+                              static_cast<int>(std::floor(hit[second] / kTile)));
+      }
+      image.at<uchar>(y, x) = cv::saturate_cast<uchar>(sum / (kRays * kRays));
+    }
+  }
+  return image;
+}
+
+/// What the stereo pair sees, its left camera at a place of the room.
+inline StereoImages renderStereo(const StereoCamera& camera, const Eigen::Isometry3d& T_room_camera,
+                                 std::int64_t stamp_ns) {
+  Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
+  T_left_right.translation().x() = camera.baseline_m;
+  return {renderRoom(camera, T_room_camera), renderRoom(camera, T_room_camera * T_left_right),
+          stamp_ns};
+}
+
+}  // namespace synthetic
+}  // namespace point_line_odometry

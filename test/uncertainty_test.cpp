@@ -1,0 +1,162 @@
+#include "odometry/uncertainty.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+Matrix6d someCovariance(unsigned seed, double scale) {
+  synthetic::Random random(seed);
+  Matrix6d A;
+  for (int i = 0; i < 36; ++i) A(i / 6, i % 6) = random.uniform(-1.0, 1.0);
+  return scale * scale * (A * A.transpose() + Matrix6d::Identity());
+}
+
+Vector6d sample(const Matrix6d& covariance, synthetic::Random* random) {
+  Vector6d white;
+  for (int i = 0; i < 6; ++i) white(i) = random->normal(1.0);
+  return Eigen::LLT<Matrix6d>(covariance).matrixL() * white;
+}
+
+TEST(ComposeCovariance, NoUncertaintyStaysNone) {
+  const Isometry3d T = synthetic::motion();
+  EXPECT_EQ(composeCovariance(T, Matrix6d::Zero(), T, Matrix6d::Zero()), Matrix6d::Zero());
+}
+
+TEST(ComposeCovariance, StandingStillKeepsIt) {
+  const Matrix6d covariance = someCovariance(1, 0.1);
+  const Matrix6d same =
+      composeCovariance(synthetic::motion(), covariance, Isometry3d::Identity(), Matrix6d::Zero());
+  EXPECT_LT((same - covariance).norm(), 1e-12);
+}
+
+TEST(ComposeCovariance, HeadingErrorActsAtTheLeversEnd) {
+  // 0.1 rad about y over 10 m forward: 1 m to the side, and forward nothing.
+  Matrix6d pose = Matrix6d::Zero();
+  pose(4, 4) = 0.01;
+  const Isometry3d forward = synthetic::transform(Vector3d::Zero(), {0.0, 0.0, 10.0});
+  const Matrix6d covariance =
+      composeCovariance(Isometry3d::Identity(), pose, forward, Matrix6d::Zero());
+  EXPECT_NEAR(covariance(0, 0), 1.0, 1e-12);
+  EXPECT_NEAR(covariance(1, 1), 0.0, 1e-12);
+  EXPECT_NEAR(covariance(2, 2), 0.0, 1e-12);
+  EXPECT_NEAR(covariance(0, 4), 0.1, 1e-12);  // turned to +x, the camera ends at +x
+}
+
+TEST(ComposeCovariance, MotionNoiseIsTurnedIntoOdom) {
+  // A camera that looks along odom's x: its z noise is odom's x noise.
+  Matrix6d motion = Matrix6d::Zero();
+  motion(2, 2) = 0.04;
+  motion(5, 5) = 0.09;
+  const Isometry3d T = synthetic::transform({0.0, M_PI / 2.0, 0.0}, {3.0, 2.0, 1.0});
+  const Matrix6d covariance =
+      composeCovariance(T, Matrix6d::Zero(), Isometry3d::Identity(), motion);
+  EXPECT_NEAR(covariance(0, 0), 0.04, 1e-12);
+  EXPECT_NEAR(covariance(3, 3), 0.09, 1e-12);
+  EXPECT_NEAR(covariance.trace(), 0.13, 1e-12);
+}
+
+TEST(ComposeCovariance, AgreesWithMonteCarlo) {
+  const Isometry3d T_odom_prev = synthetic::transform({0.4, -0.9, 0.3}, {1.0, 2.0, 3.0});
+  const Isometry3d T_prev_curr = synthetic::transform({-0.2, 0.1, 0.5}, {0.5, -0.3, 2.0});
+  const Matrix6d pose = someCovariance(2, 0.004);
+  const Matrix6d motion = someCovariance(3, 0.005);
+  const Matrix6d expected = composeCovariance(T_odom_prev, pose, T_prev_curr, motion);
+  const Isometry3d T_odom_curr = T_odom_prev * T_prev_curr;
+  synthetic::Random random(4);
+  Matrix6d sampled = Matrix6d::Zero();
+  constexpr int kSamples = 20000;
+  // Errors are additive for positions and left rotations about the frame's axes: (t + dt, exp(dr)
+  // R).
+  const auto disturbed = [](const Isometry3d& T, const Vector6d& error) {
+    Isometry3d moved = T;
+    moved.translation() += error.head<3>();
+    moved.linear() = synthetic::transform(error.tail<3>(), Vector3d::Zero()).linear() * T.linear();
+    return moved;
+  };
+  for (int i = 0; i < kSamples; ++i) {
+    const Isometry3d T = disturbed(T_odom_prev, sample(pose, &random)) *
+                         disturbed(T_prev_curr, sample(motion, &random));
+    Vector6d error;
+    error.head<3>() = T.translation() - T_odom_curr.translation();
+    error.tail<3>() = synthetic::logarithm(T.linear() * T_odom_curr.linear().transpose());
+    sampled += error * error.transpose() / kSamples;
+  }
+  for (int r = 0; r < 6; ++r) {
+    for (int c = 0; c < 6; ++c) {
+      EXPECT_NEAR(sampled(r, c), expected(r, c), 0.05 * std::sqrt(expected(r, r) * expected(c, c)))
+          << r << ' ' << c;
+    }
+  }
+}
+
+TEST(ComposeCovariance, StaysSymmetricAndPositiveOverManySteps) {
+  Isometry3d T = Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Zero();
+  const Isometry3d step = synthetic::motion().inverse();
+  for (int i = 0; i < 2000; ++i) {
+    covariance = composeCovariance(T, covariance, step, someCovariance(5, 0.001));
+    T = T * step;
+  }
+  EXPECT_EQ(covariance, Matrix6d(covariance.transpose()));
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix6d>(covariance).eigenvalues().minCoeff(), 0.0);
+}
+
+TEST(Velocity, HandNumbers) {
+  Vector6d velocity;
+  velocity << 1.0, 2.0, 3.0, 0.0, 0.0, 0.0;
+  const Isometry3d T = motionAtVelocity(velocity, 0.5);
+  EXPECT_LT((T.translation() - Vector3d(0.5, 1.0, 1.5)).norm(), 1e-12);
+  EXPECT_EQ(T.linear(), Eigen::Matrix3d::Identity());
+}
+
+TEST(Velocity, TurningLeadsAlongAnArc) {
+  // Forward at 1 m/s while turning left by 90 deg in a second: the chord points 45 deg to the left.
+  Vector6d velocity;
+  velocity << 0.0, 0.0, 1.0, 0.0, -M_PI / 2.0, 0.0;
+  const Isometry3d T = motionAtVelocity(velocity, 1.0);
+  EXPECT_LT((T.translation() - Vector3d(-std::sqrt(0.5), 0.0, std::sqrt(0.5))).norm(), 1e-12);
+  EXPECT_LT((T.linear() * Vector3d::UnitZ() - Vector3d(-1.0, 0.0, 0.0)).norm(), 1e-12);
+}
+
+TEST(Velocity, MotionAndVelocityAreInverse) {
+  for (const double dt_s : {0.01, 0.1, 1.7}) {
+    for (const Vector3d& rotation :
+         {Vector3d(0.0, 0.0, 0.0), Vector3d(1e-9, 0.0, 0.0), Vector3d(0.3, -1.0, 2.0)}) {
+      const Isometry3d T = synthetic::transform(rotation, {0.5, -0.2, 3.0});
+      EXPECT_TRUE(motionAtVelocity(velocityOfMotion(T, dt_s), dt_s).isApprox(T, 1e-12)) << dt_s;
+    }
+  }
+}
+
+TEST(PredictionCovariance, GrowsWithTheTimeUnmeasured) {
+  const Vector6d velocity = Vector6d::Constant(0.5);
+  double last = 0.0;
+  for (const double unmeasured_s : {0.1, 0.2, 0.4, 0.8}) {
+    const Matrix6d covariance = predictionCovariance(velocity, true, 0.1, unmeasured_s);
+    EXPECT_GT(covariance(0, 0), 2.0 * last);
+    EXPECT_GT(covariance(3, 3), 0.0);
+    EXPECT_TRUE(covariance.isDiagonal());
+    last = covariance(0, 0);
+  }
+}
+
+TEST(PredictionCovariance, UnknownSpeedMustAllowForGoingOn) {
+  Vector6d velocity = Vector6d::Zero();
+  velocity(2) = 10.0;
+  const Matrix6d known = predictionCovariance(velocity, true, 0.1, 0.1);
+  const Matrix6d unknown = predictionCovariance(velocity, false, 0.1, 0.1);
+  EXPECT_GE(std::sqrt(unknown(2, 2)), 1.0);  // 10 m/s for 0.1 s
+  EXPECT_LT(std::sqrt(known(2, 2)), 0.5);
+}
+
+}  // namespace
+}  // namespace point_line_odometry
