@@ -4,9 +4,8 @@
 #include <sys/resource.h>
 
 #include <cstdio>
+#include <exception>
 #include <functional>
-#include <new>
-#include <stdexcept>
 
 #include "synthetic_scene.h"
 
@@ -99,7 +98,6 @@ void expectReversed(const std::vector<IndexPair>& pairs, int count) {
 }
 
 // --- Points within a frame
-// ------------------------------------------------------------------------
 
 /// Left and right points by pixel; descriptors `bits` apart from a common one.
 struct Seen {
@@ -124,7 +122,7 @@ std::vector<IndexPair> stereoPairs(const std::vector<Seen>& left, const std::vec
 
 TEST(MatchPointsStereo, UniqueDescriptorsMatchCompletely) {
   const TwoFrames scene(120, 0, Isometry3d::Identity(), 1);
-  std::vector<PointFeature> right = scene.curr.features.points_right;  // reversed
+  const auto& right = scene.curr.features.points_right;  // reversed
   expectReversed(matchPointsStereo(scene.prev.features.points_left, right, {}), 120);
 }
 
@@ -188,14 +186,15 @@ TEST(MatchPointsStereo, BothMustPreferEachOther) {
   expectOnly(stereoPairs({{{200.0, 100.0}, 20}, {{230.0, 100.0}, 0}}, {{{180.0, 100.0}, 1}}), 1, 0);
 }
 
-TEST(MatchPointsStereo, NothingComesFromNothing) {
+TEST(MatchStereo, NothingComesFromNothing) {
   EXPECT_TRUE(stereoPairs({}, {}).empty());
   EXPECT_TRUE(stereoPairs({{{200.0, 100.0}, 0}}, {}).empty());
   EXPECT_TRUE(stereoPairs({}, {{{200.0, 100.0}, 0}}).empty());
+  EXPECT_TRUE(matchLinesStereo({}, {}, {}).empty());
+  EXPECT_TRUE(matchLinesStereo({LineFeature{}}, {}, {}).empty());
 }
 
 // --- Points around the circle
-// ---------------------------------------------------------------------
 
 TEST(MatchPointsCircular, UniqueDescriptorsMatchCompletely) {
   const TwoFrames scene(150, 0, synthetic::motion(), 4);
@@ -204,9 +203,10 @@ TEST(MatchPointsCircular, UniqueDescriptorsMatchCompletely) {
 }
 
 TEST(MatchPointsCircular, LooksOnlyNearThePrediction) {
-  const TwoFrames scene(60, 0, synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero()), 5);
+  const Isometry3d turn = synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero());
+  const TwoFrames scene(60, 0, turn, 5);
   EXPECT_TRUE(scene.points({Isometry3d::Identity(), 40.0}).empty());  // the motion is some 70 px
-  expectReversed(scene.points({synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero()), 1.0}), 60);
+  expectReversed(scene.points({turn, 1.0}), 60);
 }
 
 TEST(MatchPointsCircular, PredictionTellsTwinsApart) {
@@ -223,7 +223,6 @@ TEST(MatchPointsCircular, PredictionTellsTwinsApart) {
 
 TEST(MatchPointsCircular, RejectsACircleThatDoesNotClose) {
   TwoFrames scene(60, 0, synthetic::motion(), 7);
-  ASSERT_EQ(scene.points({synthetic::motion(), 120.0}).size(), 60U);
   // Frame k's stereo pairs 10 and 20 are mixed up: right is one thing and left another.
   std::swap(scene.curr.points[10].left, scene.curr.points[20].left);
   const std::vector<IndexPair> pairs = scene.points({synthetic::motion(), 700.0});
@@ -252,7 +251,6 @@ TEST(MatchCircular, NothingComesFromNothing) {
   EXPECT_EQ(count(scene.prev, empty), 0U);
   EXPECT_EQ(count(empty, scene.curr), 0U);
   EXPECT_EQ(count(scene.prev, scene.curr), 30U);
-  EXPECT_EQ(matchStereo({}, {}).points.size() + matchStereo({}, {}).lines.size(), 0U);
 }
 
 /// Runs something with little memory to take; false if it wants more.
@@ -270,9 +268,7 @@ bool isFrugal(const std::function<void()>& work) {
   bool frugal = true;
   try {
     work();
-  } catch (const std::bad_alloc&) {
-    frugal = false;
-  } catch (const std::length_error&) {
+  } catch (const std::exception&) {
     frugal = false;
   }
   setrlimit(RLIMIT_AS, &old);
@@ -295,7 +291,6 @@ TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
 }
 
 // --- Lines within a frame
-// -------------------------------------------------------------------------
 
 LineFeature line(const Vector2d& start, const Vector2d& end, int bits = 0) {
   synthetic::Random random(1);
@@ -363,14 +358,7 @@ TEST(MatchLinesStereo, LevelLinesNeedTheSameRow) {
   EXPECT_FALSE(matched(103.0));
 }
 
-TEST(MatchLinesStereo, NothingComesFromNothing) {
-  EXPECT_TRUE(matchLinesStereo({}, {}, {}).empty());
-  EXPECT_TRUE(matchLinesStereo({kUpright}, {}, {}).empty());
-  EXPECT_TRUE(matchLinesStereo({}, {kUpright}, {}).empty());
-}
-
 // --- Lines around the circle
-// ----------------------------------------------------------------------
 
 TEST(MatchLinesCircular, UniqueDescriptorsMatchCompletely) {
   const TwoFrames scene(0, 50, synthetic::motion(), 12);

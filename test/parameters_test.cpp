@@ -96,7 +96,6 @@ class ParametersTest : public ::testing::Test {
 };
 
 // --- The table and its check
-// ----------------------------------------------------------------------
 
 TEST_F(ParametersTest, DefaultsAreValid) { EXPECT_TRUE(checkParameters({}).empty()); }
 
@@ -146,7 +145,6 @@ TEST_F(ParametersTest, PointsOrLinesMustBeOn) {
 }
 
 // --- The loader
-// -----------------------------------------------------------------------------------
 
 TEST_F(ParametersTest, LoadsWhatTheFileNamesAndKeepsTheRest) {
   const Parameters loaded =
@@ -237,7 +235,6 @@ TEST_F(ParametersTest, MissingAndBrokenFilesAreNamed) {
 }
 
 // --- The files in config
-// --------------------------------------------------------------------------
 
 const fs::path kConfig = fs::path(TEST_REPOSITORY_DIR) / "config";
 
@@ -290,7 +287,6 @@ TEST(ConfigFiles, AllLoad) {
 }
 
 // --- The camera
-// -----------------------------------------------------------------------------------
 
 TEST(StereoCameraValidate, NamesTheBadField) {
   EXPECT_NO_THROW(synthetic::camera().validate());

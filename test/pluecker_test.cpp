@@ -2,14 +2,21 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <limits>
+
+#include "motion/residuals.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
 namespace {
 
+using Eigen::Isometry3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 TEST(PlueckerLine, HandNumbers) {
   const auto line = PlueckerLine::throughPoints(Vector3d(1.0, 0.0, 5.0), Vector3d(1.0, 2.0, 5.0));
@@ -151,6 +158,229 @@ TEST(DistanceToLine, LineThroughTheCameraCentreHasNone) {
   const auto line = PlueckerLine::throughPoints(Vector3d(0.0, 0.0, 1.0), Vector3d(0.0, 0.0, 2.0));
   EXPECT_FALSE(std::isfinite(
       distanceToLine(lineProjectionMatrix(synthetic::camera()) * line.n, Vector2d(1.0, 2.0))));
+}
+
+StereoCamera handCamera() {
+  StereoCamera camera = synthetic::camera();
+  camera.fx = camera.fy = 1500.0;
+  camera.cx = 600.0;
+  camera.cy = 200.0;
+  camera.baseline_m = 0.5;
+  return camera;
+}
+
+// --- Residuals
+
+TEST(PointResidual, HandNumbers) {
+  PointCorrespondence point;
+  point.p_prev = {1.0, -0.5, 6.0};
+  point.left_px = {902.0, 47.0};
+  point.right_px = {746.0, 48.0};
+  // One metre forward: seen at (900, 50) and (750, 50).
+  const Isometry3d T = synthetic::transform(Vector3d::Zero(), {0.0, 0.0, -1.0});
+  const PointResidual both(point, handCamera(), T, ResidualImages::kBoth);
+  ASSERT_TRUE(both.valid);
+  EXPECT_LT((both.value - Vector3d(2.0, -3.0, -4.0)).norm(), 1e-9);
+  const PointResidual left(point, handCamera(), T, ResidualImages::kLeft);
+  ASSERT_EQ(left.value.size(), 2);
+  EXPECT_LT((left.value - Vector2d(2.0, -3.0)).norm(), 1e-9);
+}
+
+TEST(LineResidual, HandNumbers) {
+  LineCorrespondence line;  // vertical, seen in columns 900 and 750
+  line.start_prev = {1.0, -0.5, 5.0};
+  line.end_prev = {1.0, 0.5, 5.0};
+  line.left_start_px = {903.0, 20.0};
+  line.left_end_px = {899.0, 500.0};
+  line.right_start_px = {750.0, 20.0};
+  line.right_end_px = {752.0, 300.0};
+  const LineResidual residual(line, handCamera(), Isometry3d::Identity(), ResidualImages::kBoth);
+  ASSERT_TRUE(residual.valid);
+  ASSERT_EQ(residual.value.size(), 4);
+  const double sign = residual.value(0) > 0.0 ? 1.0 : -1.0;
+  EXPECT_LT((sign * residual.value - Eigen::Vector4d(3.0, -1.0, 0.0, 2.0)).norm(), 1e-9);
+  const LineResidual left(line, handCamera(), Isometry3d::Identity(), ResidualImages::kLeft);
+  ASSERT_EQ(left.value.size(), 2);
+  EXPECT_LT((left.value - residual.value.head<2>()).norm(), 1e-12);
+}
+
+TEST(Residuals, AreZeroAtTheTruth) {
+  const Correspondences exact = synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 1);
+  for (const PointCorrespondence& point : exact.points) {
+    const PointResidual residual(point, synthetic::camera(), synthetic::motion(),
+                                 ResidualImages::kBoth);
+    ASSERT_TRUE(residual.valid);
+    EXPECT_LT(residual.value.norm(), 1e-9);
+  }
+  for (const LineCorrespondence& line : exact.lines) {
+    const LineResidual residual(line, synthetic::camera(), synthetic::motion(),
+                                ResidualImages::kBoth);
+    ASSERT_TRUE(residual.valid);
+    EXPECT_LT(residual.value.norm(), 1e-8);
+  }
+}
+
+TEST(Residuals, BehindTheCameraIsInvalid) {
+  const Correspondences exact = synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 1);
+  const Isometry3d past = synthetic::transform(Vector3d::Zero(), {0.0, 0.0, -20.0});
+  const Isometry3d turned = synthetic::transform({0.0, M_PI, 0.0}, Vector3d::Zero());
+  for (const Isometry3d& T : {past, turned}) {
+    EXPECT_FALSE(
+        PointResidual(exact.points[0], synthetic::camera(), T, ResidualImages::kBoth).valid);
+    EXPECT_FALSE(LineResidual(exact.lines[0], synthetic::camera(), T, ResidualImages::kLeft).valid);
+  }
+  LineCorrespondence half = exact.lines[0];  // one end in front is not enough
+  half.end_prev.z() = -1.0;
+  EXPECT_FALSE(
+      LineResidual(half, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kLeft).valid);
+}
+
+TEST(Residuals, LineThatIsSeenAsAPointIsInvalid) {
+  LineCorrespondence line;
+  line.start_prev = {0.2, 0.1, 2.0};
+  line.end_prev = {0.4, 0.2, 4.0};
+  EXPECT_FALSE(
+      LineResidual(line, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kLeft).valid);
+}
+
+TEST(Residuals, NaNIsInvalid) {
+  PointCorrespondence point;
+  point.p_prev = {0.0, 0.0, kNaN};
+  EXPECT_FALSE(
+      PointResidual(point, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kBoth)
+          .valid);
+  LineCorrespondence line;
+  line.start_prev = {0.0, 0.0, kNaN};
+  line.end_prev = {1.0, 1.0, 4.0};
+  EXPECT_FALSE(
+      LineResidual(line, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kBoth).valid);
+}
+
+/// Largest difference of a Jacobian from central differences of f, relative to its largest entry.
+double jacobianError(const Eigen::MatrixXd& J, int columns,
+                     const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f) {
+  constexpr double kStep = 1e-5;
+  Eigen::MatrixXd numeric(J.rows(), columns);
+  for (int c = 0; c < columns; ++c) {
+    const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(columns, c);
+    numeric.col(c) = (f(step) - f(-step)) / (2.0 * kStep);
+  }
+  return (J - numeric).cwiseAbs().maxCoeff() / numeric.cwiseAbs().maxCoeff();
+}
+
+Isometry3d perturbed(const Isometry3d& T, const Eigen::VectorXd& d) {
+  Isometry3d moved = T;
+  moved.linear() = synthetic::transform(d.head<3>(), Vector3d::Zero()).linear() * T.linear();
+  moved.translation() += d.tail<3>();
+  return moved;
+}
+
+class JacobianTest : public ::testing::TestWithParam<ResidualImages> {
+ protected:
+  const StereoCamera camera_ = synthetic::camera();
+  const Correspondences all_ = synthetic::matches(camera_, synthetic::motion(), {10, 10, 2.0}, 2);
+  // Not the motion the pixels belong to: the residuals are not zero.
+  const Isometry3d T_ = synthetic::transform({0.3, -0.2, 0.25}, {0.5, -0.2, 0.4});
+};
+
+TEST_P(JacobianTest, Point) {
+  for (const PointCorrespondence& point : all_.points) {
+    const PointResidual at(point, camera_, T_, GetParam());
+    ASSERT_TRUE(at.valid);
+    ASSERT_GT(at.value.norm(), 1.0);
+    EXPECT_LT(
+        jacobianError(at.by_motion, 6,
+                      [&](const Eigen::VectorXd& d) {
+                        return PointResidual(point, camera_, perturbed(T_, d), GetParam()).value;
+                      }),
+        1e-6);
+    EXPECT_LT(jacobianError(at.by_point, 3,
+                            [&](const Eigen::VectorXd& d) {
+                              PointCorrespondence moved = point;
+                              moved.p_prev += d;
+                              return PointResidual(moved, camera_, T_, GetParam()).value;
+                            }),
+              1e-6);
+  }
+}
+
+TEST_P(JacobianTest, Line) {
+  for (const LineCorrespondence& line : all_.lines) {
+    const LineResidual at(line, camera_, T_, GetParam());
+    ASSERT_TRUE(at.valid);
+    ASSERT_GT(at.value.norm(), 1.0);
+    EXPECT_LT(
+        jacobianError(at.by_motion, 6,
+                      [&](const Eigen::VectorXd& d) {
+                        return LineResidual(line, camera_, perturbed(T_, d), GetParam()).value;
+                      }),
+        1e-5);
+    EXPECT_LT(jacobianError(at.by_end_points, 6,
+                            [&](const Eigen::VectorXd& d) {
+                              LineCorrespondence moved = line;
+                              moved.start_prev += d.head<3>();
+                              moved.end_prev += d.tail<3>();
+                              return LineResidual(moved, camera_, T_, GetParam()).value;
+                            }),
+              1e-5);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Images, JacobianTest,
+                         ::testing::Values(ResidualImages::kLeft, ResidualImages::kBoth));
+
+// --- Cost functions
+
+template <typename Cost>
+class CostGradientTest : public ::testing::Test {};
+
+struct PointsOf {
+  static PointCorrespondence take(const Correspondences& all) { return all.points[3]; }
+};
+struct LinesOf {
+  static LineCorrespondence take(const Correspondences& all) { return all.lines[3]; }
+};
+template <typename CostType, typename SourceType>
+struct Case {
+  using Cost = CostType;
+  using Source = SourceType;
+};
+using Costs = ::testing::Types<Case<PointCostLeft, PointsOf>, Case<PointCostBoth, PointsOf>,
+                               Case<LineCostLeft, LinesOf>, Case<LineCostBoth, LinesOf>>;
+TYPED_TEST_SUITE(CostGradientTest, Costs);
+
+TYPED_TEST(CostGradientTest, AgreesWithNumericDerivatives) {
+  using Cost = typename TypeParam::Cost;
+  const StereoCamera camera = synthetic::camera();
+  // Distant landmarks in the middle stay in front under a large rotation about the optical axis.
+  const Isometry3d truth = synthetic::transform({0.1, -0.05, 2.6}, {0.1, -0.2, 1.0});
+  const auto match = TypeParam::Source::take(synthetic::matches(camera, truth, {8, 8, 1.0}, 5));
+  synthetic::Random random(6);
+  typename Cost::SqrtInformation weight;
+  for (int i = 0; i < weight.size(); ++i) weight(i) = random.uniform(-1.0, 1.0);
+  const Cost cost(match, camera, weight);
+  // Small angles take a branch of their own.
+  for (const Vector3d& rotation : {Vector3d(0.0, 0.0, 0.0), Vector3d(1e-7, -1e-7, 0.0),
+                                   Vector3d(0.05, -0.1, 0.2), Vector3d(0.15, -0.1, 2.5)}) {
+    const Vector3d translation(0.3, -0.1, 0.8);
+    const auto evaluate = [&](const Eigen::VectorXd& d, double** jacobians) {
+      const Vector3d moved_rotation = rotation + d.head<3>();
+      const Vector3d moved_translation = translation + d.tail<3>();
+      const double* blocks[] = {moved_rotation.data(), moved_translation.data()};
+      Eigen::VectorXd residuals(cost.num_residuals());
+      EXPECT_TRUE(cost.Evaluate(blocks, residuals.data(), jacobians));
+      return residuals;
+    };
+    using Block = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+    Block by_rotation(cost.num_residuals(), 3);
+    Block by_translation(cost.num_residuals(), 3);
+    double* jacobians[] = {by_rotation.data(), by_translation.data()};
+    EXPECT_GT(evaluate(Vector6d::Zero(), jacobians).norm(), 1.0);
+    Eigen::MatrixXd J(cost.num_residuals(), 6);
+    J << by_rotation, by_translation;
+    EXPECT_LT(jacobianError(J, 6, [&](const Eigen::VectorXd& d) { return evaluate(d, nullptr); }),
+              1e-5);
+  }
 }
 
 }  // namespace

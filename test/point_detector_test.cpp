@@ -161,7 +161,6 @@ TEST(PointDetector, PyramidLevelsGiveFullResolutionPixels) {
 }
 
 // --- Descriptors
-// ----------------------------------------------------------------------------------
 
 /// Descriptor distances of corners to the same places of an image turned about its centre, and to
 /// other places.
@@ -239,7 +238,6 @@ TEST(PointDescriptor, IgnoresBrightness) {
 }
 
 // --- Nasty images
-// ---------------------------------------------------------------------------------
 
 TEST(PointDetector, FlatImagesGiveNone) {
   for (const int grey : {0, 128, 255}) {

@@ -181,7 +181,7 @@ inline Correspondences matches(const StereoCamera& camera, const Eigen::Isometry
   return all;
 }
 
-// --- Rendered images ----------------------------------------------------------------------------
+// --- Rendered images
 
 /// Camera of the rendered images.
 inline StereoCamera roomCamera() {
@@ -254,6 +254,36 @@ inline StereoImages renderStereo(const StereoCamera& camera, const Eigen::Isomet
   T_left_right.translation().x() = camera.baseline_m;
   return {renderRoom(camera, T_room_camera), renderRoom(camera, T_room_camera * T_left_right),
           stamp_ns};
+}
+
+constexpr std::int64_t kPeriodNs = 100000000;
+constexpr int kFrames = 8;
+
+/// True pose of frame k: forwards with a gentle curve.
+inline Eigen::Isometry3d truePose(int k) {
+  return transform(k * Eigen::Vector3d(0.002, -0.012, 0.003),
+                   k * Eigen::Vector3d(0.02, -0.005, 0.12));
+}
+
+/// Frame k of a drive, rendered once.
+inline const StereoImages& frame(int k) {
+  static const std::vector<StereoImages> frames = [] {
+    std::vector<StereoImages> rendered;
+    for (int i = 0; i < kFrames; ++i)
+      rendered.push_back(renderStereo(roomCamera(), truePose(i), (i + 1) * kPeriodNs));
+    return rendered;
+  }();
+  return frames.at(static_cast<std::size_t>(k));
+}
+
+inline StereoImages black(std::int64_t stamp_ns) {
+  const cv::Mat image(roomCamera().height, roomCamera().width, CV_8UC1, cv::Scalar(0));
+  return {image, image, stamp_ns};
+}
+
+inline StereoImages stamped(StereoImages images, std::int64_t stamp_ns) {
+  images.stamp_ns = stamp_ns;
+  return images;
 }
 
 }  // namespace synthetic

@@ -103,7 +103,6 @@ TEST(TriangulatePoint, RefusesNaN) {
 }
 
 // --- Lines
-// ----------------------------------------------------------------------------------------
 
 LineSegment segment(const Vector2d& start, const Vector2d& end) {
   return {start.cast<float>(), end.cast<float>()};

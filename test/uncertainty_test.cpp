@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "point_line_odometry/motion.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -156,6 +157,131 @@ TEST(PredictionCovariance, UnknownSpeedMustAllowForGoingOn) {
   const Matrix6d unknown = predictionCovariance(velocity, false, 0.1, 0.1);
   EXPECT_GE(std::sqrt(unknown(2, 2)), 1.0);  // 10 m/s for 0.1 s
   EXPECT_LT(std::sqrt(known(2, 2)), 0.5);
+}
+
+// --- Covariance of the estimated motion
+
+/// Error of T_prev_curr in the terms of MotionEstimate::covariance.
+Vector6d errorOf(const MotionEstimate& estimate, const Isometry3d& T_curr_prev) {
+  const Isometry3d found = estimate.T_curr_prev.inverse();
+  const Isometry3d truth = T_curr_prev.inverse();
+  Vector6d error;
+  error.head<3>() = found.translation() - truth.translation();
+  error.tail<3>() = synthetic::logarithm(found.linear() * truth.linear().transpose());
+  return error;
+}
+
+struct NoiseCase {
+  int points;
+  int lines;
+  const char* images;
+};
+
+class NoisyMotionTest : public ::testing::TestWithParam<NoiseCase> {};
+
+TEST_P(NoisyMotionTest, ErrorAgreesWithTheCovariance) {
+  constexpr int kSeeds = 150;
+  MotionParameters parameters;
+  parameters.residual_images = GetParam().images;
+  synthetic::MatchOptions options{GetParam().points, GetParam().lines};
+  options.noise_px = options.sigma_px = 0.3;
+  // So large a motion that the axes of the two cameras are not mixed up unnoticed.
+  const Isometry3d truth = synthetic::transform({0.1, -0.15, 1.0}, {0.3, -0.2, 0.8});
+  const Isometry3d start = synthetic::transform({0.1, -0.12, 0.9}, {0.0, 0.0, 0.6});
+  double nees = 0.0;
+  int beyond = 0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const Correspondences noisy = synthetic::matches(synthetic::camera(), truth, options, seed);
+    const MotionEstimate estimate = estimateMotion(noisy, synthetic::camera(), start, parameters);
+    ASSERT_TRUE(estimate.ok());
+    const Vector6d error = errorOf(estimate, truth);
+    nees += error.dot(estimate.covariance.inverse() * error) / kSeeds;
+    for (int i = 0; i < 6; ++i) {
+      const double sigmas = std::abs(error(i)) / std::sqrt(estimate.covariance(i, i));
+      EXPECT_LT(sigmas, 4.5) << "seed " << seed << " axis " << i;
+      beyond += sigmas > 3.5 ? 1 : 0;
+    }
+    EXPECT_LT(std::sqrt(estimate.covariance(2, 2)), 0.05);
+  }
+  // 6 for exact covariances; they are raised where residuals are large and never lowered.
+  RecordProperty("nees", std::to_string(nees));
+  EXPECT_LE(beyond, 3) << "of 900 errors beyond 3.5 sigma";
+  EXPECT_GT(nees, 4.0);
+  EXPECT_LT(nees, 8.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, NoisyMotionTest,
+                         ::testing::Values(NoiseCase{60, 0, "both"}, NoiseCase{0, 60, "both"},
+                                           NoiseCase{40, 30, "both"}, NoiseCase{40, 30, "left"}));
+
+TEST(EstimateMotion, SmallerNoiseGivesASmallerCovariance) {
+  synthetic::MatchOptions options;
+  options.noise_px = options.sigma_px = 0.1;
+  const MotionEstimate fine =
+      estimateMotion(synthetic::matches(synthetic::camera(), synthetic::motion(), options, 7),
+                     synthetic::camera(), synthetic::motion(), {});
+  options.noise_px = options.sigma_px = 1.0;
+  const MotionEstimate coarse =
+      estimateMotion(synthetic::matches(synthetic::camera(), synthetic::motion(), options, 7),
+                     synthetic::camera(), synthetic::motion(), {});
+  ASSERT_TRUE(fine.ok() && coarse.ok());
+  EXPECT_NEAR(coarse.covariance.trace() / fine.covariance.trace(), 100.0, 40.0);
+  EXPECT_NEAR(coarse.rms_px / fine.rms_px, 10.0, 2.5);
+}
+
+TEST(EstimateMotion, WeakAxesShowInTheCovariance) {
+  // All points far away in one direction: what they say of the translation along it, and of the
+  // roll about it, is little.
+  const StereoCamera camera = synthetic::camera();
+  synthetic::Random random(11);
+  Correspondences distant;
+  for (int i = 0; i < 40; ++i) {
+    const Vector3d p(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5),
+                     random.uniform(99.0, 101.0));
+    PointCorrespondence match;
+    match.p_prev = p;
+    match.covariance =
+        triangulatePoint(camera, camera.projectLeft(p), camera.projectRight(p).x(), 0.3, 0.1)
+            ->covariance;
+    match.left_px = camera.projectLeft(p);
+    match.right_px = camera.projectRight(p);
+    match.sigma_px = 0.3;
+    distant.points.push_back(match);
+  }
+  const MotionEstimate estimate = estimateMotion(distant, camera, Isometry3d::Identity(), {});
+  ASSERT_TRUE(estimate.ok());
+  ASSERT_TRUE(estimate.covariance.allFinite());
+  EXPECT_GT(std::sqrt(estimate.covariance(2, 2)), 1.0);
+  EXPECT_GT(estimate.covariance(5, 5), 100.0 * 1e-8);
+  // Turning and shifting sideways look the same from far: strongly correlated, each weak.
+  EXPECT_GT(std::sqrt(estimate.covariance(0, 0)), 0.5);
+  EXPECT_GT(std::abs(estimate.covariance(0, 4)) /
+                std::sqrt(estimate.covariance(0, 0) * estimate.covariance(4, 4)),
+            0.95);
+  EXPECT_GE(Eigen::SelfAdjointEigenSolver<Matrix6d>(estimate.covariance).eigenvalues().minCoeff(),
+            0.0);
+}
+
+TEST(EstimateMotion, ParallelLinesLeaveOneAxisOpen) {
+  const StereoCamera camera = synthetic::camera();
+  Correspondences parallel;  // vertical posts do not say how far the camera has risen
+  synthetic::Random random(12);
+  for (int i = 0; i < 20; ++i) {
+    LineCorrespondence line;
+    line.start_prev = {random.uniform(-2.0, 2.0), -1.0, random.uniform(4.0, 9.0)};
+    line.end_prev = line.start_prev + Vector3d(0.0, 2.0, 0.0);
+    line.covariance = 1e-6 * Matrix6d::Identity();
+    line.left_start_px = camera.projectLeft(line.start_prev);
+    line.left_end_px = camera.projectLeft(line.end_prev);
+    line.right_start_px = camera.projectRight(line.start_prev);
+    line.right_end_px = camera.projectRight(line.end_prev);
+    line.sigma_px = 0.3;
+    parallel.lines.push_back(line);
+  }
+  const MotionEstimate estimate = estimateMotion(parallel, camera, Isometry3d::Identity(), {});
+  ASSERT_TRUE(estimate.ok());
+  ASSERT_TRUE(estimate.covariance.allFinite());
+  EXPECT_GT(estimate.covariance(1, 1), 1e4 * estimate.covariance(0, 0));
 }
 
 }  // namespace

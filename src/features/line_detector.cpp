@@ -53,16 +53,24 @@ class RidgeWalker {
   }
 
   static constexpr std::uint8_t kVisited = 1;
-  static constexpr std::uint8_t kBorder = 2;
+  static constexpr std::uint8_t kBeside = 2;
+  static constexpr std::uint8_t kBorder = 3;
 
   bool visited(int i) const { return visited_[i] != 0; }
   int column(int i) const { return i % width_; }
   int row(int i) const { return i / width_; }
   bool inside(int x, int y) const { return x >= 1 && y >= 1 && x < width_ - 1 && y < height_ - 1; }
 
+  /// Takes a pixel into the chain. Its neighbours across the edge belong to the same edge and start
+  /// no chain of their own.
   void visit(int i, MeanGradient* mean) {
     visited_[i] = kVisited;
     mean->add(gx_[i], gy_[i]);
+    const int step = mean->steep() ? 1 : width_;
+    for (const int beside : {i - step, i + step}) {
+      if (visited_[beside] == 0 && mean->agrees(gx_[beside], gy_[beside]))
+        visited_[beside] = kBeside;
+    }
   }
 
   /// Appends the pixels of the ridge that continues the chain; `sign` +1 walks with the brighter
@@ -214,7 +222,8 @@ int fewestAlignedPixels(int n, double log10_tests) {
 GradientImage computeGradient(const cv::Mat& image) {
   GradientImage gradient;
   cv::Mat smooth;
-  cv::GaussianBlur(image, smooth, cv::Size(5, 5), 1.0, 1.0, cv::BORDER_REPLICATE);
+  cv::GaussianBlur(image, smooth, cv::Size(5, 5), 1.0, 1.0,
+                   cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
   cv::spatialGradient(smooth, gradient.gx, gradient.gy, 3, cv::BORDER_REPLICATE);
   gradient.magnitude.create(image.size(), CV_16UC1);
   for (int y = 0; y < image.rows; ++y) {

@@ -125,7 +125,8 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
   cv::FAST(image(inside), corners, parameters_.fast_threshold, true);
 
   cv::Mat smooth;
-  cv::GaussianBlur(image, smooth, cv::Size(7, 7), 2.0, 2.0, cv::BORDER_REPLICATE);
+  cv::GaussianBlur(image, smooth, cv::Size(7, 7), 2.0, 2.0,
+                   cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
   const auto scale = static_cast<float>(std::pow(parameters_.scale_factor, octave));
   for (const cv::KeyPoint& corner : strongestPerCell(corners, inside.size(), parameters_)) {
     const cv::Point centre(static_cast<int>(corner.pt.x) + kBorder,
@@ -150,9 +151,10 @@ std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) const {
       continue;
     }
     const double scale = std::pow(parameters_.scale_factor, octave);
+    const cv::Size size(cvRound(image.cols / scale), cvRound(image.rows / scale));
+    if (size.width <= 2 * kBorder || size.height <= 2 * kBorder) break;
     cv::Mat smaller;
-    cv::resize(image, smaller, cv::Size(cvRound(image.cols / scale), cvRound(image.rows / scale)),
-               0, 0, cv::INTER_LINEAR);
+    cv::resize(image, smaller, size, 0, 0, cv::INTER_LINEAR);
     detectLevel(smaller, octave, &features);
   }
   return features;

@@ -31,7 +31,7 @@ struct BestTwo {
 
   /// Index of the best one if it is near enough and clearly better than the second, else -1.
   int accepted(int max_distance, double max_ratio) const {
-    return best <= max_distance && best <= max_ratio * second ? best_index : -1;
+    return best <= max_distance && best < max_ratio * second ? best_index : -1;
   }
 };
 

@@ -64,7 +64,7 @@ class LineSearch {
     if (best == offers_.end() || best->distance > parameters.max_line_distance) return -1;
     for (const Offer& other : offers_) {
       if (other.index == best->index ||
-          best->distance <= parameters.max_distance_ratio * other.distance)
+          best->distance < parameters.max_distance_ratio * other.distance)
         continue;
       if (!collinear(candidates_[best->index], candidates_[other.index])) return -1;
     }
@@ -163,6 +163,29 @@ LineSegment project(const StereoCamera& camera, const Eigen::Vector3d& start,
   return {camera.projectRight(start).cast<float>(), camera.projectRight(end).cast<float>()};
 }
 
+/// Where segments can be seen: the image and a margin. Those that reach far beyond it are left out,
+/// too.
+class ImageArea {
+ public:
+  ImageArea(const StereoCamera& camera, double margin_px)
+      : size_(static_cast<float>(camera.width), static_cast<float>(camera.height)),
+        margin_(static_cast<float>(margin_px)) {}
+
+  bool touches(const LineSegment& segment) const {
+    const Eigen::Vector2f low = segment.start.cwiseMin(segment.end);
+    const Eigen::Vector2f high = segment.start.cwiseMax(segment.end);
+    const Eigen::Vector2f margin(margin_, margin_);
+    const bool near =
+        ((high + margin).array() >= 0.0F).all() && ((low - margin).array() <= size_.array()).all();
+    return near && segment.length() <= kMaxBeyond * size_.norm();
+  }
+
+ private:
+  static constexpr float kMaxBeyond = 2.0F;
+  Eigen::Vector2f size_;
+  float margin_;
+};
+
 }  // namespace
 
 std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
@@ -190,12 +213,14 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
   LineViews expected_left;
   LineViews expected_right;
   const double nearest_m = 0.1 * camera.baseline_m;
+  const ImageArea area(camera, prediction.radius_px);
   for (std::size_t i = 0; i < prev.lines.size(); ++i) {
     const StereoLine& line = prev.lines[i];
     if (!line.triangulated) continue;
     const Eigen::Vector3d start = prediction.T_curr_prev * line.triangulated->start_camera;
     const Eigen::Vector3d end = prediction.T_curr_prev * line.triangulated->end_camera;
     if (start.z() < nearest_m || end.z() < nearest_m) continue;
+    if (!area.touches(project(camera, start, end, true))) continue;
     prev_index.push_back(static_cast<int>(i));
     expected_left.add(project(camera, start, end, true),
                       prev.features.lines_left[line.left].descriptor);

@@ -122,13 +122,19 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
                                            const MatchingParameters& parameters) {
   const StereoPointViews prev_views(prev);
   const StereoPointViews curr_views(curr);
+  const auto margin = static_cast<float>(prediction.radius_px);
+  const Eigen::AlignedBox2f view(Eigen::Vector2f(-margin, -margin),
+                                 Eigen::Vector2f(static_cast<float>(camera.width) + margin,
+                                                 static_cast<float>(camera.height) + margin));
   const Eigen::Vector2f nowhere = Eigen::Vector2f::Constant(std::nanf(""));
   std::vector<Eigen::Vector2f> expected_left(prev.points.size(), nowhere);
   std::vector<Eigen::Vector2f> expected_right(prev.points.size(), nowhere);
   for (std::size_t i = 0; i < prev.points.size(); ++i) {
     const Eigen::Vector3d p_curr = prediction.T_curr_prev * prev.points[i].triangulated.p_camera;
     if (p_curr.z() < 0.1 * camera.baseline_m) continue;
-    expected_left[i] = camera.projectLeft(p_curr).cast<float>();
+    const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
+    if (!view.contains(left_px)) continue;
+    expected_left[i] = left_px;
     expected_right[i] = camera.projectRight(p_curr).cast<float>();
   }
 

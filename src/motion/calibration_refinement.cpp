@@ -13,7 +13,7 @@ constexpr double kMemoryFrames = 1000.0;  // after which information has faded t
 // What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms().
 // Of the disparity, the terms without x are nearly held: over two frames their effect on the flow
 // is hardly told from that of a wrong speed.
-constexpr double kFreePx = 0.2;
+constexpr double kFreePx = 0.1;
 constexpr double kHeldPx = 0.02;
 RightImageCorrection::Coefficients disparitySigma() {
   RightImageCorrection::Coefficients sigma;

@@ -18,7 +18,7 @@ ResidualImages residualImages(const MotionParameters& parameters) {
 }
 
 /// Inverse square root of a residual's covariance: pixel noise, and the triangulation's carried
-/// through the residual.
+/// through the residual. Empty if residual or covariance are not finite.
 template <typename Jacobian, typename Covariance>
 Eigen::MatrixXd sqrtInformation(double sigma_px, const Jacobian& by_landmark,
                                 const Covariance& covariance, bool use_covariance) {
@@ -26,6 +26,7 @@ Eigen::MatrixXd sqrtInformation(double sigma_px, const Jacobian& by_landmark,
   Eigen::MatrixXd total = sigma_px * sigma_px * Eigen::MatrixXd::Identity(rows, rows);
   if (use_covariance) total += by_landmark * covariance * by_landmark.transpose();
   const Eigen::LLT<Eigen::MatrixXd> cholesky(total);
+  if (!total.allFinite() || cholesky.info() != Eigen::Success) return {};
   return cholesky.matrixL().solve(Eigen::MatrixXd::Identity(rows, rows));
 }
 
@@ -47,25 +48,28 @@ class MotionProblem {
   const std::vector<bool>& pointActive() const { return point_active_; }
   const std::vector<bool>& lineActive() const { return line_active_; }
 
-  /// Drops matches that are behind the camera, and computes the weights of all others, at a motion.
+  /// Drops matches that are behind the camera or not finite, and computes the weights of all
+  /// others, at a motion.
   void linearizeWeights(const Eigen::Isometry3d& T_curr_prev) {
     point_weights_.assign(point_active_.size(), {});
     line_weights_.assign(line_active_.size(), {});
     for (std::size_t i = 0; i < point_active_.size(); ++i) {
       const PointCorrespondence& point = correspondences_.points[i];
       const PointResidual residual(point, camera_, T_curr_prev, images_);
-      point_active_[i] = point_active_[i] && residual.valid;
+      point_active_[i] = point_active_[i] && residual.valid && residual.value.allFinite();
       if (!point_active_[i]) continue;
       point_weights_[i] = sqrtInformation(point.sigma_px, residual.by_point, point.covariance,
                                           parameters_.use_triangulation_covariance);
+      point_active_[i] = point_weights_[i].size() > 0;
     }
     for (std::size_t i = 0; i < line_active_.size(); ++i) {
       const LineCorrespondence& line = correspondences_.lines[i];
       const LineResidual residual(line, camera_, T_curr_prev, images_);
-      line_active_[i] = line_active_[i] && residual.valid;
+      line_active_[i] = line_active_[i] && residual.valid && residual.value.allFinite();
       if (!line_active_[i]) continue;
       line_weights_[i] = sqrtInformation(line.sigma_px, residual.by_end_points, line.covariance,
                                          parameters_.use_triangulation_covariance);
+      line_active_[i] = line_weights_[i].size() > 0;
     }
   }
 
