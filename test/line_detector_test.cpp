@@ -74,8 +74,8 @@ TEST(LineDetector, FindsEdgesToSubpixelsAtEveryAngle) {
     const std::vector<LineSegment> segments = detect(halfPlane(angle));
     ASSERT_FALSE(segments.empty()) << degrees;
     const LineSegment& longest = segments[0];
-    EXPECT_LT(std::abs(normal.dot(longest.start.cast<double>() - kMiddle)), 0.15) << degrees;
-    EXPECT_LT(std::abs(normal.dot(longest.end.cast<double>() - kMiddle)), 0.15) << degrees;
+    EXPECT_LT(std::abs(normal.dot(longest.start.cast<double>() - kMiddle)), 0.05) << degrees;
+    EXPECT_LT(std::abs(normal.dot(longest.end.cast<double>() - kMiddle)), 0.05) << degrees;
     EXPECT_GT(longest.length(), 150.0F) << degrees;
     // Brighter on the right hand: x right, y down, right of (1, 0) is (0, 1).
     const Vector2d right_hand(-longest.direction().y(), longest.direction().x());
@@ -192,10 +192,10 @@ TEST(AContrarioTable, AgreesWithTheBinomialTail) {
 
 // --- Options
 
-/// Upright bright bars with the given heights, 16 px apart.
+/// Upright bright bars with the given heights, 26 px apart.
 cv::Mat bars(const std::vector<int>& heights) {
-  return render(16 * static_cast<int>(heights.size()) + 30, kSize, [&](const Vector2d& p) {
-    const double place = (p.x() - 20.3) / 16.0;
+  return render(26 * static_cast<int>(heights.size()) + 30, kSize, [&](const Vector2d& p) {
+    const double place = (p.x() - 20.3) / 26.0;
     const int i = static_cast<int>(std::floor(place));
     if (i < 0 || i >= static_cast<int>(heights.size()) || place - i > 0.47) return 70.0;
     return p.y() > 20.0 && p.y() < 20.0 + heights[static_cast<std::size_t>(i)] ? 180.0 : 70.0;
@@ -204,7 +204,7 @@ cv::Mat bars(const std::vector<int>& heights) {
 
 TEST(LineDetector, MaxCountKeepsTheLongest) {
   LineParameters parameters;
-  const cv::Mat image = bars({40, 90, 60, 140, 50, 110});
+  const cv::Mat image = bars({60, 110, 80, 160, 70, 130});
   const std::vector<LineSegment> all = detect(image, parameters);
   ASSERT_EQ(all.size(), 12U);
   parameters.max_count = 4;
@@ -219,11 +219,11 @@ TEST(LineDetector, MaxCountKeepsTheLongest) {
 
 TEST(LineDetector, MinLengthDropsShorterOnes) {
   LineParameters parameters;
-  const cv::Mat image = bars({40, 90, 60, 140, 50, 110});
-  for (const double length : {30.0, 70.0, 100.0}) {
+  const cv::Mat image = bars({60, 110, 80, 160, 70, 130});
+  for (const double length : {40.0, 85.0, 130.0}) {
     parameters.min_length_px = length;
     const std::vector<LineSegment> segments = detect(image, parameters);
-    EXPECT_EQ(segments.size(), length == 30.0 ? 12U : length == 70.0 ? 6U : 4U);
+    EXPECT_EQ(segments.size(), length == 40.0 ? 12U : length == 85.0 ? 6U : 2U);
     for (const LineSegment& segment : segments) EXPECT_GE(segment.length(), length);
   }
 }
@@ -281,7 +281,7 @@ TEST(LineDetector, FlatAndTinyImagesGiveNone) {
 
 TEST(LineDetector, OneDetectorServesImagesOfSeveralSizes) {
   LineDetector detector({});
-  const cv::Mat large = bars({40, 90, 60, 140, 50, 110});
+  const cv::Mat large = bars({60, 110, 80, 160, 70, 130});
   const cv::Mat small = large(cv::Rect(0, 0, 60, 120)).clone();
   for (int round = 0; round < 2; ++round) {
     for (const cv::Mat& image : {large, small}) {

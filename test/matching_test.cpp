@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <cstdio>
 #include <exception>
+#include <fstream>
 #include <functional>
 
 #include "synthetic_scene.h"
@@ -28,8 +28,15 @@ class TwoFrames {
  public:
   TwoFrames(int points, int lines, const Isometry3d& T_curr_prev, unsigned seed) {
     synthetic::Random random(seed);
+    const Eigen::AlignedBox2d image(Vector2d::Zero(), Vector2d(camera.width, camera.height));
+    Vector3d p;
+    Vector2d seen;
     for (int i = 0; i < points; ++i) {
-      points_.push_back(synthetic::visiblePoint(camera, &random));
+      do {  // what leaves the image is not looked for
+        p = synthetic::visiblePoint(camera, &random);
+        seen = camera.projectLeft(T_curr_prev * p);
+      } while (!image.contains(seen));
+      points_.push_back(p);
       point_descriptors_.push_back(synthetic::randomDescriptor(&random));
     }
     for (int i = 0; i < lines; ++i) {
@@ -127,8 +134,8 @@ TEST(MatchPointsStereo, UniqueDescriptorsMatchCompletely) {
 }
 
 TEST(MatchPointsStereo, DistractorsChangeNothing) {
-  const TwoFrames scene(80, 0, Isometry3d::Identity(), 2);
   synthetic::Random random(3);
+  const TwoFrames scene(80, 0, Isometry3d::Identity(), 2);
   std::vector<PointFeature> left = scene.prev.features.points_left;
   std::vector<PointFeature> right = scene.curr.features.points_right;
   for (int i = 0; i < 400; ++i) {
@@ -139,9 +146,7 @@ TEST(MatchPointsStereo, DistractorsChangeNothing) {
     (i % 2 == 0 ? left : right).push_back(other);
   }
   const std::vector<IndexPair> pairs = matchPointsStereo(left, right, {});
-  int right_ones = 0;
-  for (const IndexPair& pair : pairs) right_ones += pair.second == 79 - pair.first ? 1 : 0;
-  EXPECT_EQ(right_ones, 80);
+  for (const IndexPair& pair : pairs) EXPECT_EQ(pair.second, 79 - pair.first);
   EXPECT_EQ(pairs.size(), 80U);
 }
 
@@ -181,16 +186,12 @@ TEST(MatchPointsStereo, IdenticalRivalsAreAmbiguous) {
       stereoPairs({{{200.0, 100.0}, 0}}, {{{180.0, 100.0}, 0}, {{150.0, 100.0}, 0}}).empty());
 }
 
-TEST(MatchPointsStereo, BothMustPreferEachOther) {
-  // Two left points want the same right one: only the better gets it.
+TEST(MatchPointsStereo, OfTwoThatWantTheSameTheBetterGetsIt) {
   expectOnly(stereoPairs({{{200.0, 100.0}, 20}, {{230.0, 100.0}, 0}}, {{{180.0, 100.0}, 1}}), 1, 0);
 }
 
 TEST(MatchStereo, NothingComesFromNothing) {
-  EXPECT_TRUE(stereoPairs({}, {}).empty());
   EXPECT_TRUE(stereoPairs({{{200.0, 100.0}, 0}}, {}).empty());
-  EXPECT_TRUE(stereoPairs({}, {{{200.0, 100.0}, 0}}).empty());
-  EXPECT_TRUE(matchLinesStereo({}, {}, {}).empty());
   EXPECT_TRUE(matchLinesStereo({LineFeature{}}, {}, {}).empty());
 }
 
@@ -203,9 +204,9 @@ TEST(MatchPointsCircular, UniqueDescriptorsMatchCompletely) {
 }
 
 TEST(MatchPointsCircular, LooksOnlyNearThePrediction) {
-  const Isometry3d turn = synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero());
+  const Isometry3d turn = synthetic::transform({0.0, -0.06, 0.0}, Vector3d::Zero());
   const TwoFrames scene(60, 0, turn, 5);
-  EXPECT_TRUE(scene.points({Isometry3d::Identity(), 40.0}).empty());  // the motion is some 70 px
+  EXPECT_TRUE(scene.points({Isometry3d::Identity(), 25.0}).empty());  // the motion is some 40 px
   expectReversed(scene.points({turn, 1.0}), 60);
 }
 
@@ -258,10 +259,7 @@ bool isFrugal(const std::function<void()>& work) {
   rlimit old{};
   getrlimit(RLIMIT_AS, &old);
   long pages = 0;
-  if (FILE* file = std::fopen("/proc/self/statm", "r")) {
-    if (std::fscanf(file, "%ld", &pages) != 1) pages = 0;
-    std::fclose(file);
-  }
+  std::ifstream("/proc/self/statm") >> pages;
   rlimit limited = old;
   limited.rlim_cur = static_cast<rlim_t>(pages) * 4096 + (rlim_t{200} << 20);
   setrlimit(RLIMIT_AS, &limited);
@@ -276,8 +274,7 @@ bool isFrugal(const std::function<void()>& work) {
 }
 
 TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
-  // A prediction that turns one point of many to just in front of the camera's plane expects it a
-  // million pixels away.
+  // A point just in front of the camera's plane is expected a million pixels away.
   TwoFrames scene(30, 30, Isometry3d::Identity(), 10);
   const Vector3d aside(60.0, 20.0, 0.11 * scene.camera.baseline_m);
   scene.prev.points[3].triangulated.p_camera = aside;
@@ -367,9 +364,9 @@ TEST(MatchLinesCircular, UniqueDescriptorsMatchCompletely) {
 }
 
 TEST(MatchLinesCircular, LooksOnlyNearThePrediction) {
-  const Isometry3d turn = synthetic::transform({0.0, 0.1, 0.0}, Vector3d::Zero());
+  const Isometry3d turn = synthetic::transform({0.0, -0.06, 0.0}, Vector3d::Zero());
   const TwoFrames scene(0, 40, turn, 13);
-  EXPECT_TRUE(scene.lines({Isometry3d::Identity(), 40.0}).empty());
+  EXPECT_TRUE(scene.lines({Isometry3d::Identity(), 25.0}).empty());
   expectReversed(scene.lines({turn, 1.0}), 40);
 }
 
@@ -385,7 +382,7 @@ TEST(MatchLinesCircular, NeedsAPlaceInSpace) {
   TwoFrames scene(0, 20, synthetic::motion(), 15);
   scene.prev.lines[5].triangulated.reset();
   scene.prev.lines[6].triangulated->start_camera.z() = -2.0;
-  scene.curr.lines[0].triangulated.reset();  // of frame k only the pixels are asked for
+  scene.curr.lines[0].triangulated.reset();  // of frame k only pixels count
   const std::vector<IndexPair> found = scene.lines({synthetic::motion(), 5.0});
   EXPECT_EQ(found.size(), 18U);
   for (const IndexPair& pair : found) EXPECT_TRUE(pair.first != 5 && pair.first != 6);

@@ -214,6 +214,39 @@ INSTANTIATE_TEST_SUITE_P(Kinds, NoisyMotionTest,
                          ::testing::Values(NoiseCase{60, 0, "both"}, NoiseCase{0, 60, "both"},
                                            NoiseCase{40, 30, "both"}, NoiseCase{40, 30, "left"}));
 
+TEST(EstimateMotion, CovarianceHoldsFarFromTheOrigin) {
+  // The place of the camera is known well though its lever to the origin is long: rotation and
+  // translation of T_curr_prev are correlated, and must be so with the right sign.
+  const StereoCamera camera = synthetic::camera();
+  const Isometry3d truth = synthetic::transform({0.3, -0.4, 0.9}, {30.0, 20.0, -40.0});
+  MotionParameters parameters;
+  parameters.use_triangulation_covariance = false;
+  constexpr int kSeeds = 100;
+  double nees = 0.0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    synthetic::Random random(seed);
+    Correspondences matches;
+    for (int i = 0; i < 60; ++i) {
+      const Vector3d p = synthetic::visiblePoint(camera, &random);
+      PointCorrespondence match;
+      match.p_prev = truth.inverse() * p;
+      match.sigma_px = 0.3;
+      match.left_px = camera.projectLeft(p);
+      match.right_px = camera.projectRight(p);
+      match.left_px += Eigen::Vector2d(random.normal(0.3), random.normal(0.3));
+      match.right_px += Eigen::Vector2d(random.normal(0.3), random.normal(0.3));
+      matches.points.push_back(match);
+    }
+    const MotionEstimate estimate = estimateMotion(matches, camera, truth, parameters);
+    ASSERT_TRUE(estimate.ok());
+    EXPECT_LT(std::sqrt(estimate.covariance.diagonal().head(3).sum()), 0.02);
+    const Vector6d error = errorOf(estimate, truth);
+    nees += error.dot(estimate.covariance.inverse() * error) / kSeeds;
+  }
+  EXPECT_GT(nees, 4.0);
+  EXPECT_LT(nees, 8.0);
+}
+
 TEST(EstimateMotion, SmallerNoiseGivesASmallerCovariance) {
   synthetic::MatchOptions options;
   options.noise_px = options.sigma_px = 0.1;
