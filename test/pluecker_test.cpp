@@ -160,15 +160,6 @@ TEST(DistanceToLine, LineThroughTheCameraCentreHasNone) {
       distanceToLine(lineProjectionMatrix(synthetic::camera()) * line.n, Vector2d(1.0, 2.0))));
 }
 
-StereoCamera handCamera() {
-  StereoCamera camera = synthetic::camera();
-  camera.fx = camera.fy = 1500.0;
-  camera.cx = 600.0;
-  camera.cy = 200.0;
-  camera.baseline_m = 0.5;
-  return camera;
-}
-
 // --- Residuals
 
 TEST(PointResidual, HandNumbers) {
@@ -178,10 +169,10 @@ TEST(PointResidual, HandNumbers) {
   point.right_px = {746.0, 48.0};
   // One metre forward: seen at (900, 50) and (750, 50).
   const Isometry3d T = synthetic::transform(Vector3d::Zero(), {0.0, 0.0, -1.0});
-  const PointResidual both(point, handCamera(), T, ResidualImages::kBoth);
+  const PointResidual both(point, synthetic::handCamera(), T, ResidualImages::kBoth);
   ASSERT_TRUE(both.valid);
   EXPECT_LT((both.value - Vector3d(2.0, -3.0, -4.0)).norm(), 1e-9);
-  const PointResidual left(point, handCamera(), T, ResidualImages::kLeft);
+  const PointResidual left(point, synthetic::handCamera(), T, ResidualImages::kLeft);
   ASSERT_EQ(left.value.size(), 2);
   EXPECT_LT((left.value - Vector2d(2.0, -3.0)).norm(), 1e-9);
 }
@@ -194,12 +185,14 @@ TEST(LineResidual, HandNumbers) {
   line.left_end_px = {899.0, 500.0};
   line.right_start_px = {750.0, 20.0};
   line.right_end_px = {752.0, 300.0};
-  const LineResidual residual(line, handCamera(), Isometry3d::Identity(), ResidualImages::kBoth);
+  const LineResidual residual(line, synthetic::handCamera(), Isometry3d::Identity(),
+                              ResidualImages::kBoth);
   ASSERT_TRUE(residual.valid);
   ASSERT_EQ(residual.value.size(), 4);
   const double sign = residual.value(0) > 0.0 ? 1.0 : -1.0;
   EXPECT_LT((sign * residual.value - Eigen::Vector4d(3.0, -1.0, 0.0, 2.0)).norm(), 1e-9);
-  const LineResidual left(line, handCamera(), Isometry3d::Identity(), ResidualImages::kLeft);
+  const LineResidual left(line, synthetic::handCamera(), Isometry3d::Identity(),
+                          ResidualImages::kLeft);
   ASSERT_EQ(left.value.size(), 2);
   EXPECT_LT((left.value - residual.value.head<2>()).norm(), 1e-12);
 }

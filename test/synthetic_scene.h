@@ -33,6 +33,16 @@ inline StereoCamera camera() {
   return camera;
 }
 
+/// A camera with which numbers are easy to work out by hand: 5 m away is a disparity of 150 px.
+inline StereoCamera handCamera() {
+  StereoCamera result = camera();
+  result.fx = result.fy = 1500.0;
+  result.cx = 600.0;
+  result.cy = 200.0;
+  result.baseline_m = 0.5;
+  return result;
+}
+
 inline Eigen::Isometry3d transform(const Eigen::Vector3d& rotation_vector,
                                    const Eigen::Vector3d& t) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();

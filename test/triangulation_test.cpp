@@ -14,15 +14,6 @@ using Eigen::Vector3d;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-StereoCamera handCamera() {
-  StereoCamera camera = synthetic::camera();
-  camera.fx = camera.fy = 1500.0;
-  camera.cx = 600.0;
-  camera.cy = 200.0;
-  camera.baseline_m = 0.5;
-  return camera;
-}
-
 /// Largest entry of the difference of two covariances, each in units of the standard deviations of
 /// the second.
 template <typename Matrix>
@@ -37,7 +28,7 @@ double relativeDifference(const Matrix& a, const Matrix& b) {
 }
 
 TEST(StereoCamera, HandNumbers) {
-  const StereoCamera camera = handCamera();
+  const StereoCamera camera = synthetic::handCamera();
   const Vector3d p(1.0, -0.5, 5.0);
   EXPECT_NEAR((camera.projectLeft(p) - Vector2d(900.0, 50.0)).norm(), 0.0, 1e-12);
   EXPECT_NEAR((camera.projectRight(p) - Vector2d(750.0, 50.0)).norm(), 0.0, 1e-12);
@@ -45,7 +36,7 @@ TEST(StereoCamera, HandNumbers) {
 
 TEST(BackProject, HandNumbers) {
   // f 1500 px, b 0.5 m, z 5 m: disparity 150 px.
-  const Vector3d p = backProject(handCamera(), {900.0, 50.0}, 150.0);
+  const Vector3d p = backProject(synthetic::handCamera(), {900.0, 50.0}, 150.0);
   EXPECT_NEAR((p - Vector3d(1.0, -0.5, 5.0)).norm(), 0.0, 1e-12);
 }
 
@@ -60,7 +51,7 @@ TEST(BackProject, IsTheInverseOfTheProjection) {
 }
 
 TEST(TriangulatePoint, HandNumbers) {
-  const auto point = triangulatePoint(handCamera(), {600.0, 200.0}, 450.0, 0.3, 1.0);
+  const auto point = triangulatePoint(synthetic::handCamera(), {600.0, 200.0}, 450.0, 0.3, 1.0);
   ASSERT_TRUE(point);
   EXPECT_NEAR((point->p_camera - Vector3d(0.0, 0.0, 5.0)).norm(), 0.0, 1e-12);
   // sigma_z = z / d * sqrt(2) sigma, sigma_y = z / f * sigma.
@@ -110,7 +101,7 @@ LineSegment segment(const Vector2d& start, const Vector2d& end) {
 
 TEST(TriangulateLine, HandNumbers) {
   // Vertical, x 0 at z 5 m: columns 600 and 450; rows 50 and 350 are y -0.5 and 0.5 m.
-  const auto line = triangulateLine(handCamera(), segment({600.0, 50.0}, {600.0, 350.0}),
+  const auto line = triangulateLine(synthetic::handCamera(), segment({600.0, 50.0}, {600.0, 350.0}),
                                     segment({450.0, 50.0}, {450.0, 350.0}), 0.3, {});
   ASSERT_TRUE(line);
   EXPECT_NEAR((line->start_camera - Vector3d(0.0, -0.5, 5.0)).norm(), 0.0, 1e-6);

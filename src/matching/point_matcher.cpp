@@ -57,7 +57,6 @@ std::vector<int> bestInDiscs(const TemporalLeg& leg, double radius_px,
   std::vector<int> partners(leg.from.size(), -1);
   for (std::size_t i = 0; i < leg.from.size(); ++i) {
     const Eigen::Vector2f& centre = leg.expected[i];
-    if (!centre.allFinite()) continue;
     BestTwo search;
     grid.forEachNear(centre - reach, centre + reach, [&](int k) {
       if ((leg.to_pixels[k] - centre).squaredNorm() > radius * radius) return;
@@ -68,22 +67,19 @@ std::vector<int> bestInDiscs(const TemporalLeg& leg, double radius_px,
   return partners;
 }
 
-/// Pixels and descriptors of the stereo points of a frame, in both images.
+/// Pixels and descriptors of stereo points, in both images.
 struct StereoPointViews {
   std::vector<Eigen::Vector2f> left_px;
   std::vector<Eigen::Vector2f> right_px;
   std::vector<Descriptor> left;
   std::vector<Descriptor> right;
 
-  explicit StereoPointViews(const StereoFrame& frame) {
-    for (const StereoPoint& point : frame.points) {
-      const PointFeature& l = frame.features.points_left[point.left];
-      const PointFeature& r = frame.features.points_right[point.right];
-      left_px.push_back(l.pixel);
-      right_px.push_back(r.pixel);
-      left.push_back(l.descriptor);
-      right.push_back(r.descriptor);
-    }
+  void add(const Eigen::Vector2f& pixel_left, const Descriptor& descriptor_left,
+           const Eigen::Vector2f& pixel_right, const Descriptor& descriptor_right) {
+    left_px.push_back(pixel_left);
+    right_px.push_back(pixel_right);
+    left.push_back(descriptor_left);
+    right.push_back(descriptor_right);
   }
 };
 
@@ -120,46 +116,42 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
                                            const StereoCamera& camera,
                                            const MotionPrediction& prediction,
                                            const MatchingParameters& parameters) {
-  const StereoPointViews prev_views(prev);
-  const StereoPointViews curr_views(curr);
+  // Points of k-1 that are expected in the images of frame k, and where.
   const auto margin = static_cast<float>(prediction.radius_px);
   const Eigen::AlignedBox2f view(Eigen::Vector2f(-margin, -margin),
                                  Eigen::Vector2f(static_cast<float>(camera.width) + margin,
                                                  static_cast<float>(camera.height) + margin));
-  const Eigen::Vector2f nowhere = Eigen::Vector2f::Constant(std::nanf(""));
-  std::vector<Eigen::Vector2f> expected_left(prev.points.size(), nowhere);
-  std::vector<Eigen::Vector2f> expected_right(prev.points.size(), nowhere);
+  std::vector<int> prev_index;
+  StereoPointViews expected;
   for (std::size_t i = 0; i < prev.points.size(); ++i) {
-    const Eigen::Vector3d p_curr = prediction.T_curr_prev * prev.points[i].triangulated.p_camera;
+    const StereoPoint& point = prev.points[i];
+    const Eigen::Vector3d p_curr = prediction.T_curr_prev * point.triangulated.p_camera;
     if (p_curr.z() < 0.1 * camera.baseline_m) continue;
     const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
     if (!view.contains(left_px)) continue;
-    expected_left[i] = left_px;
-    expected_right[i] = camera.projectRight(p_curr).cast<float>();
+    prev_index.push_back(static_cast<int>(i));
+    expected.add(left_px, prev.features.points_left[point.left].descriptor,
+                 camera.projectRight(p_curr).cast<float>(),
+                 prev.features.points_right[point.right].descriptor);
+  }
+  StereoPointViews seen;
+  for (const StereoPoint& point : curr.points) {
+    const PointFeature& left = curr.features.points_left[point.left];
+    const PointFeature& right = curr.features.points_right[point.right];
+    seen.add(left.pixel, left.descriptor, right.pixel, right.descriptor);
   }
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
   const std::vector<int> forward =
-      bestInDiscs({prev_views.right, expected_right, curr_views.right, curr_views.right_px},
+      bestInDiscs({expected.right, expected.right_px, seen.right, seen.right_px},
                   prediction.radius_px, parameters);
-  std::vector<int> finite;
-  std::vector<Descriptor> prev_left;
-  std::vector<Eigen::Vector2f> prev_left_expected;
-  for (std::size_t i = 0; i < prev.points.size(); ++i) {
-    if (!expected_left[i].allFinite()) continue;
-    finite.push_back(static_cast<int>(i));
-    prev_left.push_back(prev_views.left[i]);
-    prev_left_expected.push_back(expected_left[i]);
-  }
-  const std::vector<int> backward =
-      bestInDiscs({curr_views.left, curr_views.left_px, prev_left, prev_left_expected},
-                  prediction.radius_px, parameters);
+  const std::vector<int> backward = bestInDiscs(
+      {seen.left, seen.left_px, expected.left, expected.left_px}, prediction.radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
-    const int partner = forward[i];
-    if (partner < 0 || backward[partner] < 0) continue;
-    if (finite[backward[partner]] == static_cast<int>(i))
-      pairs.push_back({static_cast<int>(i), partner});
+    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i)) {
+      pairs.push_back({prev_index[i], forward[i]});
+    }
   }
   return pairs;
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/skew.h"
 #include "motion/residuals.h"
 #include "point_line_odometry/motion.h"
 
@@ -212,10 +213,8 @@ Matrix6d motionCovariance(const MotionProblem::Statistics& statistics,
   // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
   const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();
   const Eigen::Vector3d& t = T_curr_prev.translation();
-  Eigen::Matrix3d t_skew;
-  t_skew << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
   Matrix6d J = Matrix6d::Zero();
-  J.block<3, 3>(0, 0) = -R_t * t_skew;
+  J.block<3, 3>(0, 0) = -R_t * skew(t);
   J.block<3, 3>(0, 3) = -R_t;
   J.block<3, 3>(3, 0) = -R_t;
   const Matrix6d covariance = scale * J * inverse * J.transpose();

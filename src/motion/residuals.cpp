@@ -2,16 +2,10 @@
 
 #include <cmath>
 
+#include "geometry/skew.h"
+
 namespace point_line_odometry {
 namespace {
-
-Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
-  Eigen::Matrix3d m;
-  m << 0.0, -a.z(), a.y(),  //
-      a.z(), 0.0, -a.x(),   //
-      -a.y(), a.x(), 0.0;
-  return m;
-}
 
 /// Left Jacobian of the rotation: exp(w + dw) = exp(J dw) exp(w).
 Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& w) {

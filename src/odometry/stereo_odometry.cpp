@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "odometry/correspondences.h"
+#include "odometry/parameter_checker.h"
 #include "odometry/stage_timer.h"
 #include "odometry/uncertainty.h"
 
@@ -17,10 +18,8 @@ constexpr double kMaxWidening = 4.0;  // of the search radius after missing fram
 double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 Parameters checked(const Parameters& parameters) {
-  std::string text;
-  for (const std::string& error : checkParameters(parameters))
-    text += (text.empty() ? "" : "; ") + error;
-  if (!text.empty()) throw std::invalid_argument("parameters: " + text);
+  const std::vector<std::string> errors = checkParameters(parameters);
+  if (!errors.empty()) throw std::invalid_argument("parameters: " + join(errors, "; "));
   return parameters;
 }
 

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "geometry/skew.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -17,9 +19,7 @@ Matrix6d composeCovariance(const Eigen::Isometry3d& T_odom_prev, const Matrix6d&
   const Eigen::Matrix3d& R = T_odom_prev.linear();
   const Eigen::Vector3d lever = R * T_prev_curr.translation();
   Matrix6d by_pose = Matrix6d::Identity();
-  by_pose.block<3, 3>(0, 3) << 0.0, lever.z(), -lever.y(),  //
-      -lever.z(), 0.0, lever.x(),                           //
-      lever.y(), -lever.x(), 0.0;
+  by_pose.block<3, 3>(0, 3) = -skew(lever);
   Matrix6d by_motion = Matrix6d::Zero();
   by_motion.topLeftCorner<3, 3>() = R;
   by_motion.bottomRightCorner<3, 3>() = R;
