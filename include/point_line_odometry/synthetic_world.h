@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "point_line_odometry/rectification.h"
+#include "point_line_odometry/trajectory.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// What is rendered, and with which camera and motion.
+struct SyntheticWorldOptions {
+  std::string scene = "street";
+  int seed = 1;
+  double speed = 1.0;
+  double rotation = 1.0;
+  double frame_rate_hz = 0.0;
+  int moving_objects = 0;
+  double exposure_ev = 0.0;
+  double motion_blur_ms = 0.0;
+  double lens_blur_px = 0.5;
+  double vignetting = 0.2;
+  double noise = 1.5;
+
+  /// Motion of the left camera instead of the scene's own, at least one pose, strictly increasing
+  /// stamps; between them it is interpolated, after the last one it stands still. The first pose
+  /// lies where the scene's own motion begins.
+  std::vector<StampedPose> path;
+};
+
+/// The one table of the world's options; see visitParameters() for how `visit` is called. The
+/// command line, the ROS node and the README take them from here.
+template <typename AnyOptions, typename Visitor>
+void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
+  visit("scene", o.scene, std::vector<std::string>{"street", "indoor", "corridor"},
+        "a drive with KITTI's camera, a flight through rooms or along plain walls with EuRoC's");
+  visit("seed", o.seed, 0, 1000000, "", "each seed is a world of its own");
+  visit("speed", o.speed, 0.0, 10.0, "", "times the scene's own; 0 stands still");
+  visit("rotation", o.rotation, 0.0, 20.0, "", "times the scene's own sway of the camera");
+  visit("frame_rate_hz", o.frame_rate_hz, 0.0, 200.0, "Hz",
+        "0: the scene's own, 10 for the street and 20 indoors");
+  visit("moving_objects", o.moving_objects, 0, 50, "", "cars on the road (street)");
+  visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
+  visit("motion_blur_ms", o.motion_blur_ms, 0.0, 100.0, "ms", "how long the shutter is open");
+  visit("lens_blur_px", o.lens_blur_px, 0.0, 5.0, "px", "standard deviation of the lens's blur");
+  visit("vignetting", o.vignetting, 0.0, 1.0, "", "share of light lost in the corners");
+  visit("noise", o.noise, 0.0, 50.0, "grey levels",
+        "standard deviation of the sensor's noise at middle grey");
+}
+
+/// One sentence for each option that is out of its range; empty if all are fine.
+std::vector<std::string> checkWorldOptions(const SyntheticWorldOptions& options);
+
+/// A procedural world seen by a stereo camera that moves through it on a closed course, with exact
+/// ground truth. The same options give the same bytes, whatever the number of threads and the
+/// order of the calls.
+class SyntheticWorld {
+ public:
+  /// Throws std::invalid_argument with the sentences of checkWorldOptions(), or if the path is
+  /// unusable.
+  explicit SyntheticWorld(const SyntheticWorldOptions& options);
+  ~SyntheticWorld();
+  SyntheticWorld(SyntheticWorld&&) noexcept;
+  SyntheticWorld& operator=(SyntheticWorld&&) noexcept;
+
+  /// R and P of rectified images for the street; K, D, R and P of raw ones indoors.
+  const StereoCalibration& calibration() const;
+
+  /// True if images are raw and must be rectified with calibration().
+  bool needsRectification() const;
+
+  double frameRate_hz() const;
+
+  /// Stamp of a frame and the exact pose of the left camera (the raw one for raw images) relative
+  /// to frame 0. Frame 0 has stamp 0; frames never end.
+  StampedPose pose(std::size_t frame) const;
+
+  /// Number of frames until the camera has gone `length_m` metres, at least 1. Throws
+  /// std::invalid_argument if it never goes that far.
+  std::size_t framesForLength(double length_m) const;
+
+  /// The images of a frame, CV_8UC1; uses all cores.
+  StereoImages render(std::size_t frame) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace point_line_odometry

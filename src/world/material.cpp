@@ -1,0 +1,268 @@
+#include "world/material.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "world/random.h"
+
+namespace point_line_odometry::world {
+namespace {
+
+int floorToInt(float x) {
+  const int i = static_cast<int>(x);
+  return i - static_cast<int>(x < static_cast<float>(i));
+}
+
+std::uint32_t cellHash(std::uint32_t seed, int iu, int iv) {
+  return hash(seed, static_cast<std::uint32_t>(iu), static_cast<std::uint32_t>(iv));
+}
+
+float clampUnit(float x) { return std::min(1.0F, std::max(0.0F, x)); }
+
+float blend(float a, float b, float share) { return a + (b - a) * share; }
+
+/// What remains of structures of a size when they are seen through a window of another size.
+float visibility(float structure, float window) { return clampUnit(1.5F - window / structure); }
+
+/// Share of the window [x - size / 2, x + size / 2] that lies in [begin, end].
+float coverage(float x, float size, float begin, float end) {
+  const float inside = std::min(x + 0.5F * size, end) - std::max(x - 0.5F * size, begin);
+  return clampUnit(inside / size);
+}
+
+/// Share of the window that lies in the interval [begin, end] of any period.
+float periodicCoverage(float x, float size, float period, float begin, float end) {
+  const float place = x - period * static_cast<float>(floorToInt(x / period));
+  const auto covered = [=](float to) {
+    const auto whole = static_cast<float>(floorToInt(to / period));
+    return whole * (end - begin) +
+           std::min(end - begin, std::max(0.0F, to - whole * period - begin));
+  };
+  return clampUnit((covered(place + 0.5F * size) - covered(place - 0.5F * size)) / size);
+}
+
+/// Smooth noise in [-1, 1] with knots at whole numbers.
+float smoothNoise(float x, float y, std::uint32_t seed) {
+  const int ix = floorToInt(x);
+  const int iy = floorToInt(y);
+  float fx = x - static_cast<float>(ix);
+  float fy = y - static_cast<float>(iy);
+  fx = fx * fx * (3.0F - 2.0F * fx);
+  fy = fy * fy * (3.0F - 2.0F * fy);
+  const auto knot = [=](int dx, int dy) {
+    return static_cast<float>(cellHash(seed, ix + dx, iy + dy) >> 8) * 0x1p-23F - 1.0F;
+  };
+  return blend(blend(knot(0, 0), knot(1, 0), fx), blend(knot(0, 1), knot(1, 1), fx), fy);
+}
+
+float noise(const Patch& p, float size, std::uint32_t seed) {
+  const float seen = visibility(size, p.size_u) * visibility(size, p.size_v);
+  return seen > 0.0F ? seen * smoothNoise(p.u / size, p.v / size, seed) : 0.0F;
+}
+
+/// Rectangles with sharp edges, one in every cell of the size, of a tone in [-1, 1].
+float flecks(const Patch& p, float size, std::uint32_t seed) {
+  const float seen = visibility(0.5F * size, p.size_u) * visibility(0.5F * size, p.size_v);
+  if (seen <= 0.0F) return 0.0F;
+  const float x = p.u / size;
+  const float y = p.v / size;
+  const int ix = floorToInt(x);
+  const int iy = floorToInt(y);
+  const std::uint32_t h = cellHash(seed, ix, iy);
+  const float left = 0.05F + 0.45F * unit(h, 0);
+  const float low = 0.05F + 0.45F * unit(h, 1);
+  const float width = 0.12F + 0.36F * unit(h, 2);
+  const float height = 0.12F + 0.36F * unit(h, 3);
+  const float covered = coverage(x - static_cast<float>(ix), p.size_u / size, left, left + width) *
+                        coverage(y - static_cast<float>(iy), p.size_v / size, low, low + height);
+  return covered > 0.0F ? seen * covered * (2.0F * unit(mix(h), 0) - 1.0F) : 0.0F;
+}
+
+/// Stains and grains of all sizes, in about [-1, 1].
+float roughness(const Patch& p, std::uint32_t seed) {
+  float sum = 0.30F * noise(p, 1.7F, seed) + 0.30F * noise(p, 0.31F, seed + 1) +
+              0.30F * noise(p, 0.06F, seed + 2) + 0.30F * noise(p, 0.015F, seed + 3);
+  sum += 0.7F * flecks(p, 2.3F, seed + 4) + 0.8F * flecks(p, 0.5F, seed + 5) +
+         0.8F * flecks(p, 0.11F, seed + 6) + 0.8F * flecks(p, 0.03F, seed + 7);
+  return sum;
+}
+
+/// A tone of its own in [-1, 1] for every cell of a grid.
+float cellTone(const Patch& p, float size_u, float size_v, float offset, std::uint32_t seed) {
+  const float seen = visibility(size_u, p.size_u) * visibility(size_v, p.size_v);
+  if (seen <= 0.0F) return 0.0F;
+  const std::uint32_t h =
+      cellHash(seed, floorToInt((p.u + offset) / size_u), floorToInt(p.v / size_v));
+  return seen * (2.0F * unit(h, 0) - 1.0F);
+}
+
+float rough(const Material& m, const Patch& p) {
+  return m.albedo * (1.0F + m.contrast * roughness(p, m.seed));
+}
+
+float plain(const Material& m, const Patch& p) {
+  return m.albedo * (1.0F + m.contrast * noise(p, 2.7F, m.seed));
+}
+
+float bricks(const Material& m, const Patch& p) {
+  constexpr float kJoint = 0.012F;
+  const int course = floorToInt(p.v / m.size_v);
+  const float offset = (course & 1) != 0 ? 0.5F * m.size_u : 0.0F;
+  const float brick = periodicCoverage(p.u + offset, p.size_u, m.size_u, kJoint, m.size_u) *
+                      periodicCoverage(p.v, p.size_v, m.size_v, kJoint, m.size_v);
+  const float tone =
+      0.8F * cellTone(p, m.size_u, m.size_v, offset, m.seed) + 0.5F * roughness(p, m.seed + 100);
+  const float joint = std::min(0.9F, 1.35F * m.albedo);
+  return blend(joint, m.albedo * (1.0F + m.contrast * tone), brick);
+}
+
+float tiles(const Material& m, const Patch& p) {
+  const float joint_u = std::min(0.012F, 0.1F * m.size_u);
+  const float joint_v = std::min(0.012F, 0.1F * m.size_v);
+  const float tile = periodicCoverage(p.u, p.size_u, m.size_u, joint_u, m.size_u) *
+                     periodicCoverage(p.v, p.size_v, m.size_v, joint_v, m.size_v);
+  const float tone =
+      0.7F * cellTone(p, m.size_u, m.size_v, 0.0F, m.seed) + 0.5F * roughness(p, m.seed + 100);
+  return blend(0.55F * m.albedo, m.albedo * (1.0F + m.contrast * tone), tile);
+}
+
+float panels(const Material& m, const Patch& p) {
+  constexpr float kGroove = 0.014F;
+  const float panel = periodicCoverage(p.u, p.size_u, m.size_u, kGroove, m.size_u) *
+                      periodicCoverage(p.v, p.size_v, m.size_v, kGroove, m.size_v);
+  return plain(m, p) * blend(0.45F, 1.0F, panel);
+}
+
+/// Shapes over a background, and rows of letters.
+float picture(const Material& m, const Patch& p) {
+  const float scale = std::min(m.size_u, m.size_v);
+  const float border = std::min(coverage(p.u, p.size_u, 0.04F * scale, m.size_u - 0.04F * scale),
+                                coverage(p.v, p.size_v, 0.04F * scale, m.size_v - 0.04F * scale));
+  float tone = 0.6F * noise(p, 0.5F * scale, m.seed) + 1.1F * flecks(p, 0.45F * scale, m.seed + 1) +
+               0.9F * flecks(p, 0.19F * scale, m.seed + 2);
+  const float row = periodicCoverage(p.v, p.size_v, 0.17F * scale, 0.02F * scale, 0.1F * scale);
+  tone += row * (1.0F * flecks(p, 0.06F * scale, m.seed + 3) +
+                 0.5F * flecks(p, 0.021F * scale, m.seed + 4));
+  const float inside = m.albedo * (1.0F + m.contrast * tone);
+  return blend(0.9F, std::max(0.03F, inside), border);
+}
+
+float shelf(const Material& m, const Patch& p) {
+  constexpr float kBoard = 0.03F;
+  const int level = floorToInt(p.v / m.size_v);
+  const float height = p.v - static_cast<float>(level) * m.size_v;
+  const float board = periodicCoverage(p.v, p.size_v, m.size_v, 0.0F, kBoard);
+  // Three books in every stretch of size_u; their borders and heights are random.
+  const int stretch = floorToInt(p.u / m.size_u);
+  const float place = p.u / m.size_u - static_cast<float>(stretch);
+  const std::uint32_t h = cellHash(m.seed, stretch, level);
+  const float border_1 = 0.2F + 0.2F * unit(h, 0);
+  const float border_2 = 0.55F + 0.25F * unit(h, 1);
+  float tone = 0.0F;
+  float begin = 0.0F;
+  int book = 0;
+  for (const float end : {border_1, border_2, 1.0F}) {
+    const std::uint32_t b = mix(h + static_cast<std::uint32_t>(++book));
+    const float top = m.size_v * (0.55F + 0.35F * unit(b, 1));
+    const float seen =
+        coverage(place, p.size_u / m.size_u, begin, end) * coverage(height, p.size_v, kBoard, top);
+    const float label = coverage(height, p.size_v, 0.2F * m.size_v, 0.3F * m.size_v);
+    tone += seen * blend(0.1F + 0.8F * unit(b, 0), 0.1F + 0.8F * unit(b, 2), 0.7F * label);
+    begin = end;
+  }
+  const float seen = visibility(m.size_u, p.size_u) * visibility(m.size_v, p.size_v);
+  const float books = blend(0.3F, tone, seen);
+  return m.albedo * blend(books, 1.1F, board);
+}
+
+float leaves(const Material& m, const Patch& p) {
+  const float tone = 0.5F * noise(p, 0.9F, m.seed) + 0.6F * noise(p, 0.27F, m.seed + 1) +
+                     0.8F * noise(p, 0.11F, m.seed + 2) + 0.8F * flecks(p, 0.21F, m.seed + 3) +
+                     0.9F * flecks(p, 0.08F, m.seed + 4) + 0.8F * noise(p, 0.04F, m.seed + 5);
+  return m.albedo * std::max(0.12F, 1.0F + m.contrast * tone);
+}
+
+float wall(const Material& m, const Patch& p) {
+  switch (m.pattern) {
+    case Pattern::kPlain:
+      return plain(m, p);
+    case Pattern::kRough:
+      return rough(m, p);
+    case Pattern::kBricks:
+      return bricks(m, p);
+    case Pattern::kTiles:
+      return tiles(m, p);
+    case Pattern::kPanels:
+      return panels(m, p);
+    case Pattern::kPicture:
+      return picture(m, p);
+    case Pattern::kShelf:
+      return shelf(m, p);
+    case Pattern::kLeaves:
+      return leaves(m, p);
+  }
+  return m.albedo;
+}
+
+/// Frame, bars, glass and curtains of the windows, seen at the depth of the glass.
+float glass(const Material& m, const Patch& p) {
+  const Windows& w = m.windows;
+  constexpr float kFrame = 0.07F;
+  const std::uint32_t h =
+      cellHash(m.seed + 7, floorToInt(p.u / w.pitch_u), floorToInt(p.v / w.pitch_v));
+  const float left = 0.5F * (w.pitch_u - w.width);
+  const float middle = 0.5F * w.pitch_u;
+  const float cross = w.sill + w.height * 0.68F;
+  const auto column = [&](float begin, float end) {
+    return periodicCoverage(p.u, p.size_u, w.pitch_u, begin, end);
+  };
+  const auto row = [&](float begin, float end) {
+    return periodicCoverage(p.v, p.size_v, w.pitch_v, begin, end);
+  };
+  const float panes =
+      (column(left + kFrame, middle - 0.5F * kFrame) +
+       column(middle + 0.5F * kFrame, left + w.width - kFrame)) *
+      (row(w.sill + kFrame, cross) + row(cross + kFrame, w.sill + w.height - kFrame));
+  const float seen = visibility(w.pitch_u, p.size_u) * visibility(w.pitch_v, p.size_v);
+  const float blind = row(w.sill + w.height * (0.3F + 0.7F * unit(h, 0)), w.sill + w.height);
+  const float curtain = column(left, left + w.width * 0.45F * unit(h, 1));
+  float behind = 0.08F + 0.1F * unit(h, 2);
+  behind = blend(behind, 0.55F, 0.8F * seen * std::max(blind, curtain));
+  return blend(0.75F, behind, std::min(1.0F, panes));
+}
+
+float wallWithWindows(const Material& m, const Patch& p) {
+  const Windows& w = m.windows;
+  const float left = 0.5F * (w.pitch_u - w.width);
+  const auto opening = [&](float u, float v) {
+    return periodicCoverage(u, p.size_u, w.pitch_u, left, left + w.width) *
+           periodicCoverage(v, p.size_v, w.pitch_v, w.sill, w.sill + w.height);
+  };
+  const float open = opening(p.u, p.v);
+  if (open <= 0.0F) return wall(m, p);
+  Patch deep = p;
+  deep.u += w.recess * p.slope_u;
+  deep.v += w.recess * p.slope_v;
+  const float seen = opening(deep.u, deep.v);  // the rest is the side of the opening
+  const float behind =
+      seen > 0.0F ? blend(0.65F * m.albedo, glass(m, deep), seen) : 0.65F * m.albedo;
+  return open < 1.0F ? blend(wall(m, p), behind, open) : behind;
+}
+
+}  // namespace
+
+float reflectance(const Material& material, const Patch& patch) {
+  return material.windows.pitch_u > 0.0F ? wallWithWindows(material, patch) : wall(material, patch);
+}
+
+float skyRadiance(std::uint32_t seed, float x, float y, float z) {
+  const float level = std::sqrt(x * x + y * y) + 1e-6F;
+  const float height = clampUnit(z / level);
+  const float east = 2.0F * x / level;
+  const float north = 2.0F * y / level;
+  const Patch p{east + 0.7F * height, north - 0.4F * height, 0.0F, 0.0F, 0.0F, 0.0F};
+  const float clouds = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
+  return 0.86F - 0.12F * height + 2.0F * clouds * height;
+}
+
+}  // namespace point_line_odometry::world

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+
+namespace point_line_odometry::world {
+
+/// What a surface looks like. All patterns are functions of the place on the surface [m] and of a
+/// seed, so that there is neither memory for textures nor repetition.
+enum class Pattern : std::uint8_t {
+  kPlain,    ///< one tone, with a soft drift of contrast * albedo over metres
+  kRough,    ///< stains, patches and grains of every size: asphalt, plaster, stone
+  kBricks,   ///< courses of bricks, every one of its own tone
+  kTiles,    ///< a grid of joints and tiles of different tone: paving, floors, roofs
+  kPanels,   ///< a grid of grooves in a plain tone: doors, car bodies, ceilings
+  kPicture,  ///< shapes and lettering of strong contrast: posters, signs, screens
+  kShelf,    ///< boards with books of many widths, heights and tones
+  kLeaves,   ///< foliage
+};
+
+/// Rows of recessed windows in a wall [m].
+struct Windows {
+  float pitch_u = 0.0F;  ///< 0: the wall has none
+  float pitch_v = 3.0F;
+  float width = 1.2F;
+  float height = 1.4F;
+  float sill = 0.9F;     ///< height of the lower edge above each floor
+  float recess = 0.15F;  ///< depth of the glass behind the wall
+};
+
+struct Material {
+  Pattern pattern = Pattern::kPlain;
+  float albedo = 0.5F;    ///< mean share of the light that is reflected
+  float contrast = 0.1F;  ///< of the pattern, relative to albedo
+  float size_u = 0.25F;   ///< of a brick, tile, panel or picture [m]
+  float size_v = 0.08F;
+  std::uint32_t seed = 0;
+  bool shines = false;  ///< a lamp or screen: as bright whatever light falls on it
+  Windows windows;
+};
+
+/// The patch of a surface that a pixel sees.
+struct Patch {
+  float u = 0.0F;  ///< centre [m]
+  float v = 0.0F;
+  float size_u = 0.0F;  ///< extent [m]; structures that are smaller fade to their mean
+  float size_v = 0.0F;
+  float slope_u = 0.0F;  ///< how far the ray goes sideways per metre behind the surface
+  float slope_v = 0.0F;
+};
+
+/// Mean share of the light that the patch reflects.
+float reflectance(const Material& material, const Patch& patch);
+
+/// Brightness of the sky in a direction (z up) of any length.
+float skyRadiance(std::uint32_t seed, float x, float y, float z);
+
+}  // namespace point_line_odometry::world

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "world/course.h"
+#include "world/surface.h"
+
+namespace point_line_odometry::world {
+
+/// Light that comes from everywhere and light that comes from one direction.
+struct Lighting {
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< unit vector towards the sun
+  double ambient = 0.6;
+  double direct = 0.4;
+};
+
+/// An object at a place; many instances may share an object.
+struct Instance {
+  std::size_t object = 0;
+  Eigen::Isometry3d T_world_object = Eigen::Isometry3d::Identity();
+};
+
+/// An object that travels along the course of the scene.
+struct Mover {
+  std::size_t object = 0;
+  double start_m = 0.0;        ///< arc length at time 0
+  double speed_m_s = 0.0;      ///< negative: the other way
+  double to_the_left_m = 0.0;  ///< from the course
+};
+
+/// A place and a camera's way through it.
+struct Scene {
+  std::vector<Object> objects;
+  std::vector<Instance> instances;
+  std::vector<Mover> movers;
+  Lighting lighting;
+  double haze_m = 1e9;  ///< distance at which half of the contrast is left
+  std::uint32_t seed = 0;
+  Course course;
+};
+
+/// A drive through a town: house fronts, kerbs, markings, poles, trees, parked and moving cars.
+Scene makeStreet(std::uint32_t seed, int moving_objects);
+
+/// A flight through furnished rooms and a hallway.
+Scene makeIndoor(std::uint32_t seed);
+
+/// A flight along the plain walls of a corridor: few corners, many edges.
+Scene makeCorridor(std::uint32_t seed);
+
+/// Where the objects that move are at a time.
+std::vector<Instance> placeMovers(const Scene& scene, double time_s);
+
+}  // namespace point_line_odometry::world

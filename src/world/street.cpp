@@ -1,0 +1,524 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "world/random.h"
+#include "world/scene.h"
+
+namespace point_line_odometry::world {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kPi = 3.14159265358979323846;
+
+// The town is a grid of blocks; measures in metres.
+constexpr double kBlockPitch = 72.0;
+constexpr double kRoadWidth = 12.0;
+constexpr double kPavementWidth = 3.2;
+constexpr double kKerbHeight = 0.14;
+constexpr double kLaneOffset = 1.9;  // of a lane's middle from the middle of the road
+constexpr double kParkingOffset = 4.9;
+constexpr double kSlab = kBlockPitch - kRoadWidth;      // a block with its pavement
+constexpr double kLots = kSlab - 2.0 * kPavementWidth;  // where houses stand
+constexpr double kLotDepth = 10.0;
+constexpr int kMargin = 2;  // blocks round the course
+
+// How far away things are still drawn.
+constexpr double kDrawDetails = 130.0;
+constexpr double kDrawCars = 180.0;
+constexpr double kDrawTrees = 220.0;
+
+Material make(Pattern pattern, double albedo, double contrast, Random* random) {
+  Material material;
+  material.pattern = pattern;
+  material.albedo = static_cast<float>(albedo);
+  material.contrast = static_cast<float>(contrast);
+  material.seed = random->bits();
+  return material;
+}
+
+Material makeGrid(Pattern pattern, double albedo, double contrast, const Vector2d& size,
+                  Random* random) {
+  Material material = make(pattern, albedo, contrast, random);
+  material.size_u = static_cast<float>(size.x());
+  material.size_v = static_cast<float>(size.y());
+  return material;
+}
+
+/// Builds the objects and places of a town.
+class Town {
+ public:
+  Town(std::uint32_t seed, Scene* scene) : random_(hash(seed, 1)), scene_(*scene) {
+    makeCars();
+    makeTrees();
+  }
+
+  void addGround(const Vector2d& low, const Vector2d& high) {
+    ObjectBuilder builder;
+    constexpr double kBeyond = 900.0;
+    const Vector3d corner(low.x() - kBeyond, low.y() - kBeyond, 0.0);
+    const Vector2d size = high - low + Vector2d::Constant(2.0 * kBeyond);
+    builder.addRectangle(corner, Vector3d(size.x(), 0.0, 0.0), Vector3d(0.0, size.y(), 0.0),
+                         make(Pattern::kRough, 0.30, 0.22, &random_));
+    place(builder.take());
+  }
+
+  /// The block whose lower corner, in the middle of the crossing, is (i, j) pitches from the
+  /// origin.
+  void addBlock(int i, int j) {
+    const Vector3d centre((i + 0.5) * kBlockPitch, (j + 0.5) * kBlockPitch, 0.0);
+    addSlab(centre);
+    for (int side = 0; side < 4; ++side) {
+      const Eigen::Isometry3d T_world_side = uprightPose(centre, 0.5 * kPi * side);
+      addHouses(T_world_side, side % 2 == 0);
+      addPavement(T_world_side);
+      addParkedCars(T_world_side);
+      addMarkings(T_world_side, side < 2);
+    }
+  }
+
+  std::size_t anyCar() {
+    return cars_[static_cast<std::size_t>(random_.integer(0, static_cast<int>(cars_.size()) - 1))];
+  }
+
+  Random& random() { return random_; }
+
+ private:
+  std::size_t keep(Object object) {
+    scene_.objects.push_back(std::move(object));
+    return scene_.objects.size() - 1;
+  }
+
+  void place(Object object) {
+    scene_.instances.push_back({keep(std::move(object)), Eigen::Isometry3d::Identity()});
+  }
+
+  void addSlab(const Vector3d& centre) {
+    ObjectBuilder builder;
+    const Material kerb = makeGrid(Pattern::kTiles, 0.55, 0.25, {1.0, 0.5}, &random_);
+    const Material paving = makeGrid(Pattern::kTiles, 0.45, 0.25, {0.5, 0.5}, &random_);
+    builder.addBox({uprightPose(centre, 0.0), {kSlab, kSlab, kKerbHeight}}, kerb, paving);
+    place(builder.take());
+  }
+
+  /// Houses along one side of a block. In the frame of a side x runs along the pavement to the
+  /// right as seen from the road, y away from the road; the road is at negative y.
+  void addHouses(const Eigen::Isometry3d& T_world_side, bool to_the_corners) {
+    const double half = 0.5 * kLots - (to_the_corners ? 0.0 : kLotDepth);
+    double x = -half;
+    while (x < half - 1.0) {
+      double width = random_.uniform(7.5, 14.0);
+      if (half - x - width < 7.5) width = half - x;
+      if (random_.chance(0.12)) {
+        addGarden(T_world_side, x, width);
+      } else {
+        addHouse(T_world_side, x, width);
+      }
+      x += width;
+    }
+  }
+
+  void addGarden(const Eigen::Isometry3d& T_world_side, double x, double width) {
+    ObjectBuilder builder;
+    const bool hedge = random_.chance(0.5);
+    const Material material = hedge ? make(Pattern::kLeaves, 0.25, 0.7, &random_)
+                                    : makeGrid(Pattern::kBricks, 0.4, 0.3, {0.25, 0.08}, &random_);
+    const Vector3d place_of_wall(x + 0.5 * width, -0.5 * kLots + 0.3, kKerbHeight);
+    builder.addBox(
+        {T_world_side * uprightPose(place_of_wall, 0.0), {width, 0.4, random_.uniform(1.0, 2.2)}},
+        material);
+    place(builder.take());
+    addTree(T_world_side * Vector3d(x + 0.5 * width, -0.5 * kLots + 4.0, kKerbHeight));
+  }
+
+  Material wallOfHouse() {
+    const double albedo = random_.uniform(0.3, 0.75);
+    if (random_.chance(0.45)) {
+      return makeGrid(Pattern::kBricks, 0.75 * albedo, 0.35,
+                      {random_.uniform(0.2, 0.3), random_.uniform(0.065, 0.1)}, &random_);
+    }
+    return make(Pattern::kRough, albedo, random_.uniform(0.08, 0.2), &random_);
+  }
+
+  void addHouse(const Eigen::Isometry3d& T_world_side, double x, double width) {
+    const int floors = random_.integer(2, 4);
+    const double floor_height = random_.uniform(2.8, 3.4);
+    const double height = floors * floor_height + 0.4;
+    const double setback = random_.uniform(0.0, 0.8);
+    const Vector3d size(width - 0.02, kLotDepth - setback, height);
+    const Eigen::Isometry3d pose =
+        T_world_side *
+        uprightPose(Vector3d(x + 0.5 * width, -0.5 * kLots + setback + 0.5 * size.y(), kKerbHeight),
+                    0.0);
+    Material front = wallOfHouse();
+    const int columns = std::max(2, static_cast<int>(width / random_.uniform(2.3, 3.2)));
+    front.windows.pitch_u = static_cast<float>(size.x() / columns);
+    front.windows.pitch_v = static_cast<float>(floor_height);
+    front.windows.width = front.windows.pitch_u * static_cast<float>(random_.uniform(0.35, 0.6));
+    front.windows.height = static_cast<float>(random_.uniform(1.2, 1.7));
+    front.windows.recess = static_cast<float>(random_.uniform(0.06, 0.22));
+    Material side = front;
+    side.windows.pitch_u = static_cast<float>(size.y() / 2.0);
+
+    ObjectBuilder builder;
+    const Vector3d corner = pose * Vector3d(-0.5 * size.x(), -0.5 * size.y(), 0.0);
+    const Eigen::Matrix3d& axes = pose.linear();
+    const Vector3d along = axes.col(0) * size.x();
+    const Vector3d inward = axes.col(1) * size.y();
+    const Vector3d up(0.0, 0.0, height);
+    builder.addRectangle(corner, along, up, front);
+    builder.addRectangle(corner + along, inward, up, side);
+    builder.addRectangle(corner + inward, -inward, up, side);
+    addRoof(pose, size, &builder);
+    place(builder.take());
+    addDetails(pose, size, floor_height, front);
+  }
+
+  void addRoof(const Eigen::Isometry3d& pose, const Vector3d& size, ObjectBuilder* builder) {
+    const Material tiles =
+        makeGrid(Pattern::kTiles, random_.uniform(0.15, 0.4), 0.3, {0.3, 0.35}, &random_);
+    constexpr double kEaves = 0.35;
+    const double x = 0.5 * size.x();
+    const double y = 0.5 * size.y() + kEaves;
+    const double rise = random_.uniform(1.8, 4.0);
+    const auto at = [&](double px, double py, double pz) -> Vector3d {
+      return pose * Vector3d(px, py, size.z() + pz);
+    };
+    builder->addPolygon({at(-x, -y, -0.1), at(x, -y, -0.1), at(x, 0.0, rise), at(-x, 0.0, rise)},
+                        tiles);
+    builder->addPolygon({at(x, y, -0.1), at(-x, y, -0.1), at(-x, 0.0, rise), at(x, 0.0, rise)},
+                        tiles);
+    const Material gable = make(Pattern::kRough, 0.5, 0.15, &random_);
+    builder->addPolygon({at(x, -y, -0.1), at(x, y, -0.1), at(x, 0.0, rise)}, gable);
+    builder->addPolygon({at(-x, y, -0.1), at(-x, -y, -0.1), at(-x, 0.0, rise)}, gable);
+    const Material plaster = make(Pattern::kPlain, 0.75, 0.05, &random_);
+    const Vector3d eaves(0.0, -0.5 * size.y() - 0.5 * kEaves, size.z() - 0.2);
+    builder->addBox({pose * uprightPose(eaves, 0.0), {size.x(), kEaves, 0.12}}, plaster);
+    if (random_.chance(0.7)) {
+      const Vector3d chimney(random_.uniform(-0.35, 0.35) * size.x(), -0.2 * size.y(),
+                             size.z() + 0.4 * rise);
+      builder->addBox({pose * uprightPose(chimney, 0.0), {0.7, 0.6, 0.6 * rise + 0.5}},
+                      makeGrid(Pattern::kBricks, 0.3, 0.3, {0.25, 0.08}, &random_));
+    }
+  }
+
+  /// Doors, sills, cornices, drain pipes and balconies: what stands out of a front.
+  void addDetails(const Eigen::Isometry3d& pose, const Vector3d& size, double floor_height,
+                  const Material& front) {
+    ObjectBuilder builder;
+    const double y = -0.5 * size.y();
+    const auto add = [&](const Vector3d& foot, const Vector3d& box, const Material& material) {
+      builder.addBox({pose * uprightPose(foot + Vector3d(0.0, y, 0.0), 0.0), box}, material);
+    };
+    const Material stone = make(Pattern::kRough, 0.7, 0.1, &random_);
+    const Windows& w = front.windows;
+    const int columns = static_cast<int>(std::lround(size.x() / w.pitch_u));
+    const int door = random_.integer(0, columns - 1);
+    const auto middle = [&](int column) { return -0.5 * size.x() + (column + 0.5) * w.pitch_u; };
+    add({middle(door), -0.06, 0.0}, {1.25, 0.12, 2.35}, stone);
+    add({middle(door), -0.10, 0.0}, {1.0, 0.06, 2.2},
+        makeGrid(Pattern::kPanels, random_.uniform(0.1, 0.6), 0.1, {0.5, 0.72}, &random_));
+    add({middle(door), -0.4, 2.45}, {1.5, 0.8, 0.1}, stone);
+    for (double z = w.sill - 0.08; z < size.z() - 1.0; z += floor_height) {
+      for (int c = 0; c < columns; ++c) {
+        if (c == door && z < 2.0) continue;
+        add({middle(c), -0.07, z}, {w.width + 0.2, 0.14, 0.08}, stone);
+      }
+    }
+    add({0.0, -0.06, floor_height - 0.2}, {size.x(), 0.12, 0.18}, stone);
+    add({0.5 * size.x() - 0.12, -0.07, 0.0}, {0.1, 0.1, size.z() - 0.3},
+        make(Pattern::kPlain, random_.uniform(0.15, 0.6), 0.05, &random_));
+    if (random_.chance(0.35)) {
+      const int column = random_.integer(0, columns - 1);
+      add({middle(column), -0.6, floor_height + 0.1}, {w.pitch_u * 0.8, 1.2, 0.15}, stone);
+      add({middle(column), -1.17, floor_height + 0.25}, {w.pitch_u * 0.8, 0.06, 0.95},
+          makeGrid(Pattern::kPanels, 0.25, 0.05, {0.12, 2.0}, &random_));
+    }
+    if (random_.chance(0.3)) {
+      add({random_.uniform(-0.2, 0.2) * size.x(), -0.12, floor_height + 0.15},
+          {random_.uniform(1.5, 3.0), 0.1, 0.6},
+          makeGrid(Pattern::kPicture, 0.5, 0.6, {2.0, 0.6}, &random_));
+    }
+    place(builder.take(kDrawDetails));
+  }
+
+  /// Lamp posts, signs, trees, bins and boxes along one side.
+  void addPavement(const Eigen::Isometry3d& T_world_side) {
+    const double edge = -0.5 * kSlab + 0.55;
+    const Material metal = make(Pattern::kPlain, random_.uniform(0.2, 0.5), 0.1, &random_);
+    for (double x = -0.5 * kSlab + random_.uniform(3.0, 6.0); x < 0.5 * kSlab - 2.0;
+         x += random_.uniform(5.0, 9.0)) {
+      const Vector3d foot(x, edge, kKerbHeight);
+      ObjectBuilder builder;
+      switch (random_.integer(0, 5)) {
+        case 0:
+          builder.addColumn(T_world_side * foot, 5.5, 0.09, 0.05, metal);
+          builder.addBox(
+              {T_world_side * uprightPose(foot + Vector3d(0.0, -0.6, 5.4), 0.0), {0.16, 1.4, 0.12}},
+              metal);
+          break;
+        case 1:
+          addSign(T_world_side, foot, metal, &builder);
+          break;
+        case 2:
+        case 3:
+          addTree(T_world_side * foot);
+          break;
+        case 4:
+          builder.addBox(
+              {T_world_side * uprightPose(foot, random_.uniform(-0.1, 0.1)),
+               {random_.uniform(0.5, 1.2), 0.4, random_.uniform(0.9, 1.4)}},
+              makeGrid(Pattern::kPanels, random_.uniform(0.2, 0.7), 0.1, {0.5, 0.6}, &random_));
+          break;
+        default:
+          builder.addColumn(T_world_side * foot, random_.uniform(0.7, 1.0), 0.07, 0.07, metal);
+      }
+      Object object = builder.take(kDrawDetails);
+      if (!object.surfaces.empty()) place(std::move(object));
+    }
+  }
+
+  void addSign(const Eigen::Isometry3d& T_world_side, const Vector3d& foot, const Material& metal,
+               ObjectBuilder* builder) {
+    builder->addColumn(T_world_side * foot, 2.9, 0.035, 0.035, metal);
+    const double size = random_.uniform(0.5, 0.8);
+    // Across the road's direction, seen from both sides.
+    const Vector3d place_of_sign = foot + Vector3d(-0.06, 0.0, 2.1);
+    builder->addBox({T_world_side * uprightPose(place_of_sign, 0.0), {0.03, size, size}},
+                    makeGrid(Pattern::kPicture, 0.5, 0.7, {size, size}, &random_), metal);
+  }
+
+  void addParkedCars(const Eigen::Isometry3d& T_world_side) {
+    const double y = -0.5 * kBlockPitch + kParkingOffset;
+    double x = -0.5 * kSlab + 6.0;
+    while (x < 0.5 * kSlab - 6.0) {
+      if (random_.chance(0.55)) {
+        const Vector3d spot(x, y + random_.uniform(-0.15, 0.1), 0.0);
+        const double yaw = (random_.chance(0.2) ? 0.0 : kPi) + random_.uniform(-0.03, 0.03);
+        scene_.instances.push_back({anyCar(), T_world_side * uprightPose(spot, yaw)});
+      }
+      x += random_.uniform(5.6, 7.5);
+    }
+  }
+
+  /// Dashes in the middle of the road and a crossing for pedestrians.
+  void addMarkings(const Eigen::Isometry3d& T_world_side, bool middle_line) {
+    ObjectBuilder builder;
+    const Material paint = make(Pattern::kRough, 0.75, 0.12, &random_);
+    constexpr double kHeight = 0.004;
+    const auto add = [&](double x, double y, double length, double width) {
+      builder.addRectangle(T_world_side * Vector3d(x, y, kHeight),
+                           T_world_side.linear() * Vector3d(length, 0.0, 0.0),
+                           T_world_side.linear() * Vector3d(0.0, width, 0.0), paint);
+    };
+    const double road = -0.5 * kBlockPitch;
+    if (middle_line) {
+      for (double x = -0.5 * kSlab + 6.0; x < 0.5 * kSlab - 8.0; x += 7.5) {
+        add(x, road - 0.06, 3.0, 0.12);
+      }
+    }
+    // Half of a zebra crossing at one end of this side's half of the road.
+    if (random_.chance(0.5)) {
+      for (double y = 0.4; y < 0.5 * kRoadWidth - 0.5; y += 1.0) {
+        add(0.5 * kSlab - 5.0, road + y, 3.0, 0.5);
+      }
+    }
+    place(builder.take());
+  }
+
+  void addTree(const Vector3d& foot) {
+    const auto kind =
+        static_cast<std::size_t>(random_.integer(0, static_cast<int>(trees_.size()) - 1));
+    scene_.instances.push_back({trees_[kind], uprightPose(foot, random_.uniform(0.0, 2.0 * kPi))});
+  }
+
+  void makeTrees() {
+    constexpr int kKinds = 12;
+    for (int i = 0; i < kKinds; ++i) {
+      ObjectBuilder builder;
+      const double trunk = random_.uniform(1.8, 2.8);
+      builder.addColumn(Vector3d::Zero(), trunk + 0.5, random_.uniform(0.12, 0.22), 0.1,
+                        make(Pattern::kRough, 0.25, 0.4, &random_));
+      addCrown(trunk, random_.uniform(1.3, 2.2), random_.uniform(2.5, 4.5), &builder);
+      trees_.push_back(keep(builder.take(kDrawTrees)));
+    }
+  }
+
+  /// A crown as an uneven ball of flat leaves.
+  void addCrown(double foot, double radius, double height, ObjectBuilder* builder) {
+    constexpr int kRings = 5;
+    constexpr int kSides = 9;
+    std::vector<std::vector<Vector3d>> rings;
+    for (int r = 0; r < kRings; ++r) {
+      const double angle = kPi * (r + 0.25) / (kRings - 0.5);
+      std::vector<Vector3d> ring;
+      for (int s = 0; s < kSides; ++s) {
+        const double around = 2.0 * kPi * s / kSides;
+        const double bulge = radius * std::sin(angle) * random_.uniform(0.8, 1.15);
+        ring.emplace_back(
+            bulge * std::cos(around), bulge * std::sin(around),
+            foot + 0.5 * height * (1.0 - std::cos(angle)) + random_.uniform(-0.1, 0.1));
+      }
+      rings.push_back(ring);
+    }
+    for (std::size_t r = 0; r + 1 < rings.size(); ++r) {
+      for (std::size_t s = 0; s < kSides; ++s) {
+        const std::size_t next = (s + 1) % kSides;
+        const Material leaves = make(Pattern::kLeaves, random_.uniform(0.2, 0.34), 0.75, &random_);
+        builder->addPolygon({rings[r][s], rings[r][next], rings[r + 1][next]}, leaves);
+        builder->addPolygon({rings[r][s], rings[r + 1][next], rings[r + 1][s]}, leaves);
+      }
+    }
+    const Vector3d apex(0.0, 0.0, foot + height);
+    for (std::size_t s = 0; s < kSides; ++s) {
+      builder->addPolygon({rings.back()[s], rings.back()[(s + 1) % kSides], apex},
+                          make(Pattern::kLeaves, 0.3, 0.75, &random_));
+    }
+  }
+
+  void makeCars() {
+    constexpr int kKinds = 14;
+    for (int i = 0; i < kKinds; ++i) cars_.push_back(keep(makeCar()));
+  }
+
+  /// A car with its front towards x, standing on z = 0.
+  Object makeCar() {
+    ObjectBuilder builder;
+    const double length = random_.uniform(3.7, 4.8);
+    const double width = random_.uniform(1.65, 1.85);
+    const double belt = random_.uniform(0.85, 1.0);
+    const double roof = belt + random_.uniform(0.5, 0.75);
+    const double tones[] = {0.06, 0.15, 0.3, 0.5, 0.8};
+    const Material body = makeGrid(Pattern::kPanels, tones[random_.integer(0, 4)], 0.12,
+                                   {random_.uniform(0.95, 1.2), 0.42}, &random_);
+    Material windows = makeGrid(Pattern::kPanels, 0.14, 0.5, {0.85, 1.0}, &random_);
+    const auto at = [](double x, double y, double z) { return uprightPose({x, y, z}, 0.0); };
+    builder.addBox({at(0.0, 0.0, 0.22), {length, width, belt - 0.22}}, body);
+    builder.addTaperedBox(
+        {at(-0.08 * length, 0.0, belt), {0.62 * length, width - 0.06, roof - belt}},
+        {random_.uniform(0.3, 0.55), 0.14}, windows, body);
+    const Material tyre = make(Pattern::kRough, 0.07, 0.3, &random_);
+    const Material rim = makeGrid(Pattern::kPicture, 0.5, 0.5, {0.4, 0.4}, &random_);
+    for (const double x : {-0.31 * length, 0.31 * length}) {
+      for (const double side : {-1.0, 1.0}) {
+        addWheel({x, side * (0.5 * width + 0.012), 0.31}, side, 0.31, tyre, &builder);
+        addWheel({x, side * (0.5 * width + 0.02), 0.31}, side, 0.19, rim, &builder);
+      }
+    }
+    const Material lamp = make(Pattern::kPlain, 0.9, 0.1, &random_);
+    const Material rear = make(Pattern::kPlain, 0.25, 0.1, &random_);
+    const Material plate = makeGrid(Pattern::kPicture, 0.6, 0.7, {0.5, 0.11}, &random_);
+    for (const double y : {-0.36 * width, 0.36 * width}) {
+      builder.addBox({at(0.5 * length, y, 0.6), {0.03, 0.3, 0.16}}, lamp);
+      builder.addBox({at(-0.5 * length, y, 0.65), {0.03, 0.25, 0.2}}, rear);
+    }
+    builder.addBox({at(0.5 * length, 0.0, 0.4), {0.03, 0.5, 0.11}}, plate);
+    builder.addBox({at(-0.5 * length, 0.0, 0.5), {0.03, 0.5, 0.11}}, plate);
+    return builder.take(kDrawCars);
+  }
+
+  static void addWheel(const Vector3d& centre, double side, double radius, const Material& material,
+                       ObjectBuilder* builder) {
+    std::vector<Vector3d> corners;
+    for (int i = 0; i < 8; ++i) {
+      const double angle = -side * 2.0 * kPi * i / 8.0;
+      corners.push_back(centre + radius * Vector3d(std::cos(angle), 0.0, std::sin(angle)));
+    }
+    builder->addPolygon(corners, material);
+  }
+
+  Random random_;
+  Scene& scene_;
+  std::vector<std::size_t> cars_;
+  std::vector<std::size_t> trees_;
+};
+
+/// Crossings of a closed drive round some blocks, with turns to both sides.
+std::vector<Vector2d> chooseCrossings(Random* random) {
+  const double a = random->integer(2, 3);
+  const double b = a + random->integer(2, 3);
+  const double c = random->integer(1, 2);
+  const double h = random->integer(3, 4);
+  std::vector<Vector2d> crossings = {{0, 0}, {a, 0}, {a, 1},     {b, 1},
+                                     {b, h}, {c, h}, {c, h - 1}, {0, h - 1}};
+  if (random->chance(0.5)) std::reverse(crossings.begin() + 1, crossings.end());
+  return crossings;
+}
+
+/// The polygon moved to the right of its direction, into the driver's lane.
+std::vector<Vector3d> toTheRight(const std::vector<Vector2d>& corners, double offset,
+                                 double height) {
+  std::vector<Vector3d> moved;
+  const std::size_t n = corners.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vector2d in = (corners[i] - corners[(i + n - 1) % n]).normalized();
+    const Vector2d out = (corners[(i + 1) % n] - corners[i]).normalized();
+    const Vector2d right_in(in.y(), -in.x());
+    const Vector2d right_out(out.y(), -out.x());
+    const Vector2d corner = corners[i] + offset * (right_in + right_out);
+    moved.emplace_back(corner.x(), corner.y(), height);
+  }
+  return moved;
+}
+
+}  // namespace
+
+Scene makeStreet(std::uint32_t seed, int moving_objects) {
+  constexpr double kCameraHeight = 1.65;
+  Scene scene;
+  scene.seed = hash(seed, 2);
+  scene.haze_m = 500.0;
+  scene.lighting = {Vector3d(0.45, -0.55, 0.7).normalized(), 0.62, 0.55};
+  Town town(seed, &scene);
+
+  std::vector<Vector2d> crossings = chooseCrossings(&town.random());
+  Vector2d high = Vector2d::Zero();
+  for (Vector2d& crossing : crossings) high = high.cwiseMax(crossing);
+  const int columns = static_cast<int>(high.x());
+  const int rows = static_cast<int>(high.y());
+  for (int i = -kMargin; i < columns + kMargin; ++i) {
+    for (int j = -kMargin; j < rows + kMargin; ++j) town.addBlock(i, j);
+  }
+  town.addGround(Vector2d::Constant(-kMargin * kBlockPitch),
+                 (high + Vector2d::Constant(kMargin)) * kBlockPitch);
+
+  for (Vector2d& crossing : crossings) crossing *= kBlockPitch;
+  MotionStyle style;
+  style.cruise_m_s = 12.0;
+  style.lateral_m_s2 = 3.0;
+  style.longitudinal_m_s2 = 2.0;
+  style.sway_m = {0.0, 0.02, 0.02};
+  style.sway_rad = Vector3d(0.35, 0.35, 0.3) * kPi / 180.0;
+  style.sway_hz = 0.7;
+  constexpr double kTurn_m = 14.0;
+  scene.course =
+      Course(toTheRight(crossings, kLaneOffset, kCameraHeight), kTurn_m, style, hash(seed, 3));
+  for (int i = 0; i < moving_objects; ++i) {
+    Mover mover;
+    mover.object = town.anyCar();
+    const bool oncoming = i % 3 != 2;
+    mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
+    mover.speed_m_s = oncoming ? -town.random().uniform(6.0, 11.0) : 7.0;
+    mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
+    scene.movers.push_back(mover);
+  }
+  return scene;
+}
+
+std::vector<Instance> placeMovers(const Scene& scene, double time_s) {
+  std::vector<Instance> placed;
+  for (const Mover& mover : scene.movers) {
+    Eigen::Isometry3d pose = scene.course.at(mover.start_m + mover.speed_m_s * time_s);
+    pose.translation() += mover.to_the_left_m * pose.linear().col(1);
+    pose.translation().z() = 0.0;
+    if (mover.speed_m_s < 0.0) {
+      pose.linear() = pose.linear() * Eigen::AngleAxisd(kPi, Vector3d::UnitZ());
+    }
+    placed.push_back({mover.object, pose});
+  }
+  return placed;
+}
+
+}  // namespace point_line_odometry::world

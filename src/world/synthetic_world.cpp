@@ -1,0 +1,234 @@
+#include "point_line_odometry/synthetic_world.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "odometry/parameter_checker.h"
+#include "world/random.h"
+#include "world/renderer.h"
+#include "world/sensor.h"
+
+namespace point_line_odometry {
+namespace {
+
+using world::PixelRays;
+
+/// The rectified pair of KITTI's sequence 00.
+StereoCalibration kittiCalibration() {
+  CameraCalibration left;
+  left.width = 1241;
+  left.height = 376;
+  left.K << 718.856, 0.0, 607.1928, 0.0, 718.856, 185.2157, 0.0, 0.0, 1.0;
+  left.P.leftCols<3>() = left.K;
+  CameraCalibration right = left;
+  right.P(0, 3) = -386.1448;
+  return {left, right};
+}
+
+CameraCalibration rawCamera(const std::array<double, 4>& intrinsics, const std::vector<double>& D) {
+  CameraCalibration camera;
+  camera.width = 752;
+  camera.height = 480;
+  camera.K << intrinsics[0], 0.0, intrinsics[2], 0.0, intrinsics[1], intrinsics[3], 0.0, 0.0, 1.0;
+  camera.D = D;
+  return camera;
+}
+
+/// The raw pair of EuRoC's micro air vehicle.
+StereoCalibration eurocCalibration() {
+  const StereoCalibration raw = {
+      rawCamera({458.654, 457.296, 367.215, 248.375},
+                {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0.0}),
+      rawCamera({457.587, 456.134, 379.999, 255.238},
+                {-0.28368365, 0.07451284, -0.00010473, -3.55590700e-05, 0.0})};
+  Eigen::Matrix4d T_body_left;
+  T_body_left << 0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,
+      0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768, -0.0257744366974,
+      0.00375618835797, 0.999660727178, 0.00981073058949, 0.0, 0.0, 0.0, 1.0;
+  Eigen::Matrix4d T_body_right;
+  T_body_right << 0.0125552670891, -0.999755099723, 0.0182237714554, -0.0198435579556,
+      0.999598781151, 0.0130119051815, 0.0251588363115, 0.0453689425024, -0.0253898008918,
+      0.0179005838253, 0.999517347078, 0.00786212447038, 0.0, 0.0, 0.0, 1.0;
+  Eigen::Isometry3d T_right_left(T_body_right.inverse() * T_body_left);
+  T_right_left.linear() = Eigen::Quaterniond(T_right_left.linear()).normalized().matrix();
+  return rectifyCalibration(raw, T_right_left);
+}
+
+/// Pose of the right camera in the left one, of the cameras that take the images.
+Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration, bool raw) {
+  Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
+  T_left_right.translation().x() = rectifiedCamera(calibration).baseline_m;
+  if (!raw) return T_left_right;
+  Eigen::Isometry3d R_left = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d R_right = Eigen::Isometry3d::Identity();
+  R_left.linear() = calibration.left.R;
+  R_right.linear() = calibration.right.R;
+  return R_left.inverse() * T_left_right * R_right;
+}
+
+world::Scene makeScene(const SyntheticWorldOptions& options) {
+  const std::uint32_t seed = world::hash(0x5eed, static_cast<std::uint32_t>(options.seed));
+  if (options.scene == "street") return world::makeStreet(seed, options.moving_objects);
+  if (options.scene == "indoor") return world::makeIndoor(seed);
+  return world::makeCorridor(seed);
+}
+
+/// Linear in position and angle between the two poses round a time; standing still outside.
+Eigen::Isometry3d interpolate(const std::vector<StampedPose>& path, double time_s) {
+  const auto stamp = static_cast<double>(path.front().stamp_ns) + time_s * 1e9;
+  const auto after = std::upper_bound(
+      path.begin(), path.end(), stamp,
+      [](double t, const StampedPose& pose) { return t < static_cast<double>(pose.stamp_ns); });
+  if (after == path.begin()) return path.front().T_world_camera;
+  if (after == path.end()) return path.back().T_world_camera;
+  const StampedPose& from = *(after - 1);
+  const double share = (stamp - static_cast<double>(from.stamp_ns)) /
+                       static_cast<double>(after->stamp_ns - from.stamp_ns);
+  const Eigen::Quaterniond q_from(from.T_world_camera.linear());
+  const Eigen::Quaterniond q_to(after->T_world_camera.linear());
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = q_from.slerp(share, q_to).normalized().matrix();
+  pose.translation() = (1.0 - share) * from.T_world_camera.translation() +
+                       share * after->T_world_camera.translation();
+  return pose;
+}
+
+}  // namespace
+
+std::vector<std::string> checkWorldOptions(const SyntheticWorldOptions& options) {
+  ParameterChecker checker;
+  visitWorldOptions(options, checker);
+  for (std::size_t i = 0; i < options.path.size(); ++i) {
+    const StampedPose& pose = options.path[i];
+    if (!pose.T_world_camera.matrix().allFinite() ||
+        (i > 0 && pose.stamp_ns <= options.path[i - 1].stamp_ns)) {
+      checker.errors.push_back("pose " + std::to_string(i) +
+                               " of the path is not finite or not later than the one before");
+      break;
+    }
+  }
+  return checker.errors;
+}
+
+struct SyntheticWorld::Impl {
+  explicit Impl(const SyntheticWorldOptions& o)
+      : options(o),
+        raw(o.scene != "street"),
+        frame_rate_hz(o.frame_rate_hz > 0.0 ? o.frame_rate_hz : (raw ? 20.0 : 10.0)),
+        calibration(raw ? eurocCalibration() : kittiCalibration()),
+        T_left_right(poseOfRightInLeft(calibration, raw)),
+        scene(makeScene(o)) {
+    for (const CameraCalibration* camera : {&calibration.left, &calibration.right}) {
+      rays.push_back(raw ? PixelRays::ofRawImage(*camera) : PixelRays::ofRectifiedImage(*camera));
+    }
+  }
+
+  double timeOf(std::size_t frame) const { return static_cast<double>(frame) / frame_rate_hz; }
+
+  Eigen::Isometry3d T_world_left(double time_s) const {
+    if (options.path.empty()) {
+      return scene.course.cameraPose(time_s, options.speed, options.rotation);
+    }
+    return scene.course.cameraPose(0.0, options.speed, options.rotation) *
+           options.path.front().T_world_camera.inverse() * interpolate(options.path, time_s);
+  }
+
+  /// Light that reaches both cameras at an instant.
+  std::vector<cv::Mat> lightAt(double time_s) const {
+    const Eigen::Isometry3d T_left = T_world_left(time_s);
+    return world::render(scene, world::placeMovers(scene, time_s),
+                         {{&rays[0], T_left}, {&rays[1], T_left * T_left_right}});
+  }
+
+  /// How many instants the shutter's time is sampled at: about one for each pixel that the image
+  /// of something at a usual distance moves.
+  int blurSteps(double time_s, double shutter_s) const {
+    constexpr double kDistance_m = 4.0;
+    constexpr double kMost = 16.0;
+    const Eigen::Isometry3d motion =
+        T_world_left(time_s - 0.5 * shutter_s).inverse() * T_world_left(time_s + 0.5 * shutter_s);
+    const double angle = Eigen::AngleAxisd(motion.linear()).angle();
+    const double shift_px =
+        calibration.left.K(0, 0) * (angle + motion.translation().norm() / kDistance_m);
+    return static_cast<int>(std::clamp(std::ceil(shift_px), 1.0, kMost));
+  }
+
+  SyntheticWorldOptions options;
+  bool raw;
+  double frame_rate_hz;
+  StereoCalibration calibration;
+  Eigen::Isometry3d T_left_right;
+  world::Scene scene;
+  std::vector<PixelRays> rays;
+};
+
+SyntheticWorld::SyntheticWorld(const SyntheticWorldOptions& options) {
+  const std::vector<std::string> errors = checkWorldOptions(options);
+  if (!errors.empty()) throw std::invalid_argument("synthetic world: " + join(errors, "; "));
+  impl_ = std::make_unique<Impl>(options);
+}
+
+SyntheticWorld::~SyntheticWorld() = default;
+SyntheticWorld::SyntheticWorld(SyntheticWorld&&) noexcept = default;
+SyntheticWorld& SyntheticWorld::operator=(SyntheticWorld&&) noexcept = default;
+
+const StereoCalibration& SyntheticWorld::calibration() const { return impl_->calibration; }
+
+bool SyntheticWorld::needsRectification() const { return impl_->raw; }
+
+double SyntheticWorld::frameRate_hz() const { return impl_->frame_rate_hz; }
+
+StampedPose SyntheticWorld::pose(std::size_t frame) const {
+  StampedPose pose;
+  pose.stamp_ns = std::llround(1e9 * impl_->timeOf(frame));
+  pose.T_world_camera =
+      impl_->T_world_left(0.0).inverse() * impl_->T_world_left(impl_->timeOf(frame));
+  return pose;
+}
+
+std::size_t SyntheticWorld::framesForLength(double length_m) const {
+  constexpr std::size_t kMost = 1000000;
+  Eigen::Vector3d before = impl_->T_world_left(0.0).translation();
+  double travelled_m = 0.0;
+  for (std::size_t frame = 1; frame < kMost; ++frame) {
+    const Eigen::Vector3d here = impl_->T_world_left(impl_->timeOf(frame)).translation();
+    travelled_m += (here - before).norm();
+    if (travelled_m >= length_m) return frame + 1;
+    before = here;
+  }
+  throw std::invalid_argument("synthetic world: the camera goes " + std::to_string(travelled_m) +
+                              " m in a million frames, less than the length asked for");
+}
+
+StereoImages SyntheticWorld::render(std::size_t frame) const {
+  const double time_s = impl_->timeOf(frame);
+  const double shutter_s = 1e-3 * impl_->options.motion_blur_ms;
+  const int steps = shutter_s > 0.0 ? impl_->blurSteps(time_s, shutter_s) : 1;
+  std::vector<cv::Mat> light;
+  for (int i = 0; i < steps; ++i) {
+    const double share = (i + 0.5) / steps - 0.5;  // of the time that the shutter is open
+    const std::vector<cv::Mat> now = impl_->lightAt(time_s + share * shutter_s);
+    if (light.empty()) {
+      light = now;
+    } else {
+      for (std::size_t k = 0; k < light.size(); ++k) light[k] += now[k];
+    }
+  }
+  const SyntheticWorldOptions& o = impl_->options;
+  const world::Sensor sensor{o.exposure_ev, o.lens_blur_px, o.vignetting, o.noise};
+  const auto develop = [&](std::size_t camera) {
+    const std::uint32_t seed = world::hash(impl_->scene.seed, static_cast<std::uint32_t>(frame),
+                                           static_cast<std::uint32_t>(camera));
+    const cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
+    return world::expose(mean, sensor, seed);
+  };
+  StereoImages images;
+  images.left = develop(0);
+  images.right = develop(1);
+  images.stamp_ns = pose(frame).stamp_ns;
+  return images;
+}
+
+}  // namespace point_line_odometry
