@@ -10,7 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kStepsPerControl = 12;
 constexpr int kWaves = 3;  // sines that are mixed in each coordinate of the sway
 

@@ -251,6 +251,23 @@ float wallWithWindows(const Material& m, const Patch& p) {
 
 }  // namespace
 
+Material makeMaterial(Pattern pattern, double albedo, double contrast, Random* random) {
+  Material material;
+  material.pattern = pattern;
+  material.albedo = static_cast<float>(albedo);
+  material.contrast = static_cast<float>(contrast);
+  material.seed = random->bits();
+  return material;
+}
+
+Material makeMaterial(Pattern pattern, double albedo, double contrast, const Eigen::Vector2d& size,
+                      Random* random) {
+  Material material = makeMaterial(pattern, albedo, contrast, random);
+  material.size_u = static_cast<float>(size.x());
+  material.size_v = static_cast<float>(size.y());
+  return material;
+}
+
 float reflectance(const Material& material, const Patch& patch) {
   return material.windows.pitch_u > 0.0F ? wallWithWindows(material, patch) : wall(material, patch);
 }

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 
 namespace point_line_odometry::world {
+
+class Random;
 
 /// What a surface looks like. All patterns are functions of the place on the surface [m] and of a
 /// seed, so that there is neither memory for textures nor repetition.
@@ -37,6 +40,13 @@ struct Material {
   bool shines = false;  ///< a lamp or screen: as bright whatever light falls on it
   Windows windows;
 };
+
+/// A material with a seed of its own.
+Material makeMaterial(Pattern pattern, double albedo, double contrast, Random* random);
+
+/// A material with a pattern of a size [m].
+Material makeMaterial(Pattern pattern, double albedo, double contrast, const Eigen::Vector2d& size,
+                      Random* random);
 
 /// The patch of a surface that a pixel sees.
 struct Patch {

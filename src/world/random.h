@@ -4,6 +4,8 @@
 
 namespace point_line_odometry::world {
 
+constexpr double kPi = 3.14159265358979323846;
+
 /// Well-mixed 32 bits of a number.
 inline std::uint32_t mix(std::uint32_t x) {
   x ^= x >> 16;

@@ -11,8 +11,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
-
 // The town is a grid of blocks; measures in metres.
 constexpr double kBlockPitch = 72.0;
 constexpr double kRoadWidth = 12.0;
@@ -30,23 +28,6 @@ constexpr double kDrawDetails = 130.0;
 constexpr double kDrawCars = 180.0;
 constexpr double kDrawTrees = 220.0;
 
-Material make(Pattern pattern, double albedo, double contrast, Random* random) {
-  Material material;
-  material.pattern = pattern;
-  material.albedo = static_cast<float>(albedo);
-  material.contrast = static_cast<float>(contrast);
-  material.seed = random->bits();
-  return material;
-}
-
-Material makeGrid(Pattern pattern, double albedo, double contrast, const Vector2d& size,
-                  Random* random) {
-  Material material = make(pattern, albedo, contrast, random);
-  material.size_u = static_cast<float>(size.x());
-  material.size_v = static_cast<float>(size.y());
-  return material;
-}
-
 /// Builds the objects and places of a town.
 class Town {
  public:
@@ -61,7 +42,7 @@ class Town {
     const Vector3d corner(low.x() - kBeyond, low.y() - kBeyond, 0.0);
     const Vector2d size = high - low + Vector2d::Constant(2.0 * kBeyond);
     builder.addRectangle(corner, Vector3d(size.x(), 0.0, 0.0), Vector3d(0.0, size.y(), 0.0),
-                         make(Pattern::kRough, 0.30, 0.22, &random_));
+                         makeMaterial(Pattern::kRough, 0.30, 0.22, &random_));
     place(builder.take());
   }
 
@@ -97,8 +78,8 @@ class Town {
 
   void addSlab(const Vector3d& centre) {
     ObjectBuilder builder;
-    const Material kerb = makeGrid(Pattern::kTiles, 0.55, 0.25, {1.0, 0.5}, &random_);
-    const Material paving = makeGrid(Pattern::kTiles, 0.45, 0.25, {0.5, 0.5}, &random_);
+    const Material kerb = makeMaterial(Pattern::kTiles, 0.55, 0.25, {1.0, 0.5}, &random_);
+    const Material paving = makeMaterial(Pattern::kTiles, 0.45, 0.25, {0.5, 0.5}, &random_);
     builder.addBox({uprightPose(centre, 0.0), {kSlab, kSlab, kKerbHeight}}, kerb, paving);
     place(builder.take());
   }
@@ -123,8 +104,9 @@ class Town {
   void addGarden(const Eigen::Isometry3d& T_world_side, double x, double width) {
     ObjectBuilder builder;
     const bool hedge = random_.chance(0.5);
-    const Material material = hedge ? make(Pattern::kLeaves, 0.25, 0.7, &random_)
-                                    : makeGrid(Pattern::kBricks, 0.4, 0.3, {0.25, 0.08}, &random_);
+    const Material material =
+        hedge ? makeMaterial(Pattern::kLeaves, 0.25, 0.7, &random_)
+              : makeMaterial(Pattern::kBricks, 0.4, 0.3, {0.25, 0.08}, &random_);
     const Vector3d place_of_wall(x + 0.5 * width, -0.5 * kLots + 0.3, kKerbHeight);
     builder.addBox(
         {T_world_side * uprightPose(place_of_wall, 0.0), {width, 0.4, random_.uniform(1.0, 2.2)}},
@@ -136,10 +118,10 @@ class Town {
   Material wallOfHouse() {
     const double albedo = random_.uniform(0.3, 0.75);
     if (random_.chance(0.45)) {
-      return makeGrid(Pattern::kBricks, 0.75 * albedo, 0.35,
-                      {random_.uniform(0.2, 0.3), random_.uniform(0.065, 0.1)}, &random_);
+      return makeMaterial(Pattern::kBricks, 0.75 * albedo, 0.35,
+                          {random_.uniform(0.2, 0.3), random_.uniform(0.065, 0.1)}, &random_);
     }
-    return make(Pattern::kRough, albedo, random_.uniform(0.08, 0.2), &random_);
+    return makeMaterial(Pattern::kRough, albedo, random_.uniform(0.08, 0.2), &random_);
   }
 
   void addHouse(const Eigen::Isometry3d& T_world_side, double x, double width) {
@@ -178,7 +160,7 @@ class Town {
 
   void addRoof(const Eigen::Isometry3d& pose, const Vector3d& size, ObjectBuilder* builder) {
     const Material tiles =
-        makeGrid(Pattern::kTiles, random_.uniform(0.15, 0.4), 0.3, {0.3, 0.35}, &random_);
+        makeMaterial(Pattern::kTiles, random_.uniform(0.15, 0.4), 0.3, {0.3, 0.35}, &random_);
     constexpr double kEaves = 0.35;
     const double x = 0.5 * size.x();
     const double y = 0.5 * size.y() + kEaves;
@@ -190,17 +172,17 @@ class Town {
                         tiles);
     builder->addPolygon({at(x, y, -0.1), at(-x, y, -0.1), at(-x, 0.0, rise), at(x, 0.0, rise)},
                         tiles);
-    const Material gable = make(Pattern::kRough, 0.5, 0.15, &random_);
+    const Material gable = makeMaterial(Pattern::kRough, 0.5, 0.15, &random_);
     builder->addPolygon({at(x, -y, -0.1), at(x, y, -0.1), at(x, 0.0, rise)}, gable);
     builder->addPolygon({at(-x, y, -0.1), at(-x, -y, -0.1), at(-x, 0.0, rise)}, gable);
-    const Material plaster = make(Pattern::kPlain, 0.75, 0.05, &random_);
+    const Material plaster = makeMaterial(Pattern::kPlain, 0.75, 0.05, &random_);
     const Vector3d eaves(0.0, -0.5 * size.y() - 0.5 * kEaves, size.z() - 0.2);
     builder->addBox({pose * uprightPose(eaves, 0.0), {size.x(), kEaves, 0.12}}, plaster);
     if (random_.chance(0.7)) {
       const Vector3d chimney(random_.uniform(-0.35, 0.35) * size.x(), -0.2 * size.y(),
                              size.z() + 0.4 * rise);
       builder->addBox({pose * uprightPose(chimney, 0.0), {0.7, 0.6, 0.6 * rise + 0.5}},
-                      makeGrid(Pattern::kBricks, 0.3, 0.3, {0.25, 0.08}, &random_));
+                      makeMaterial(Pattern::kBricks, 0.3, 0.3, {0.25, 0.08}, &random_));
     }
   }
 
@@ -212,14 +194,14 @@ class Town {
     const auto add = [&](const Vector3d& foot, const Vector3d& box, const Material& material) {
       builder.addBox({pose * uprightPose(foot + Vector3d(0.0, y, 0.0), 0.0), box}, material);
     };
-    const Material stone = make(Pattern::kRough, 0.7, 0.1, &random_);
+    const Material stone = makeMaterial(Pattern::kRough, 0.7, 0.1, &random_);
     const Windows& w = front.windows;
     const int columns = static_cast<int>(std::lround(size.x() / w.pitch_u));
     const int door = random_.integer(0, columns - 1);
     const auto middle = [&](int column) { return -0.5 * size.x() + (column + 0.5) * w.pitch_u; };
     add({middle(door), -0.06, 0.0}, {1.25, 0.12, 2.35}, stone);
     add({middle(door), -0.10, 0.0}, {1.0, 0.06, 2.2},
-        makeGrid(Pattern::kPanels, random_.uniform(0.1, 0.6), 0.1, {0.5, 0.72}, &random_));
+        makeMaterial(Pattern::kPanels, random_.uniform(0.1, 0.6), 0.1, {0.5, 0.72}, &random_));
     add({middle(door), -0.4, 2.45}, {1.5, 0.8, 0.1}, stone);
     for (double z = w.sill - 0.08; z < size.z() - 1.0; z += floor_height) {
       for (int c = 0; c < columns; ++c) {
@@ -229,17 +211,18 @@ class Town {
     }
     add({0.0, -0.06, floor_height - 0.2}, {size.x(), 0.12, 0.18}, stone);
     add({0.5 * size.x() - 0.12, -0.07, 0.0}, {0.1, 0.1, size.z() - 0.3},
-        make(Pattern::kPlain, random_.uniform(0.15, 0.6), 0.05, &random_));
+        makeMaterial(Pattern::kPlain, random_.uniform(0.15, 0.6), 0.05, &random_));
     if (random_.chance(0.35)) {
       const int column = random_.integer(0, columns - 1);
       add({middle(column), -0.6, floor_height + 0.1}, {w.pitch_u * 0.8, 1.2, 0.15}, stone);
       add({middle(column), -1.17, floor_height + 0.25}, {w.pitch_u * 0.8, 0.06, 0.95},
-          makeGrid(Pattern::kPanels, 0.25, 0.05, {0.12, 2.0}, &random_));
+          makeMaterial(Pattern::kPanels, 0.25, 0.05, {0.12, 2.0}, &random_));
     }
     if (random_.chance(0.3)) {
-      add({random_.uniform(-0.2, 0.2) * size.x(), -0.12, floor_height + 0.15},
-          {random_.uniform(1.5, 3.0), 0.1, 0.6},
-          makeGrid(Pattern::kPicture, 0.5, 0.6, {2.0, 0.6}, &random_));
+      const Vector2d board{random_.uniform(1.5, 3.0), 0.6};
+      const double x = random_.uniform(-0.2, 0.2) * size.x();
+      add({x, -0.12, floor_height + 0.15}, {board.x(), 0.1, board.y()},
+          makeMaterial(Pattern::kPicture, 0.5, 0.6, board, &random_));
     }
     place(builder.take(kDrawDetails));
   }
@@ -247,7 +230,7 @@ class Town {
   /// Lamp posts, signs, trees, bins and boxes along one side.
   void addPavement(const Eigen::Isometry3d& T_world_side) {
     const double edge = -0.5 * kSlab + 0.55;
-    const Material metal = make(Pattern::kPlain, random_.uniform(0.2, 0.5), 0.1, &random_);
+    const Material metal = makeMaterial(Pattern::kPlain, random_.uniform(0.2, 0.5), 0.1, &random_);
     for (double x = -0.5 * kSlab + random_.uniform(3.0, 6.0); x < 0.5 * kSlab - 2.0;
          x += random_.uniform(5.0, 9.0)) {
       const Vector3d foot(x, edge, kKerbHeight);
@@ -266,12 +249,14 @@ class Town {
         case 3:
           addTree(T_world_side * foot);
           break;
-        case 4:
+        case 4: {
+          const Vector3d box{random_.uniform(0.5, 1.2), 0.4, random_.uniform(0.9, 1.4)};
+          const double yaw = random_.uniform(-0.1, 0.1);
           builder.addBox(
-              {T_world_side * uprightPose(foot, random_.uniform(-0.1, 0.1)),
-               {random_.uniform(0.5, 1.2), 0.4, random_.uniform(0.9, 1.4)}},
-              makeGrid(Pattern::kPanels, random_.uniform(0.2, 0.7), 0.1, {0.5, 0.6}, &random_));
+              {T_world_side * uprightPose(foot, yaw), box},
+              makeMaterial(Pattern::kPanels, random_.uniform(0.2, 0.7), 0.1, {0.5, 0.6}, &random_));
           break;
+        }
         default:
           builder.addColumn(T_world_side * foot, random_.uniform(0.7, 1.0), 0.07, 0.07, metal);
       }
@@ -287,7 +272,7 @@ class Town {
     // Across the road's direction, seen from both sides.
     const Vector3d place_of_sign = foot + Vector3d(-0.06, 0.0, 2.1);
     builder->addBox({T_world_side * uprightPose(place_of_sign, 0.0), {0.03, size, size}},
-                    makeGrid(Pattern::kPicture, 0.5, 0.7, {size, size}, &random_), metal);
+                    makeMaterial(Pattern::kPicture, 0.5, 0.7, {size, size}, &random_), metal);
   }
 
   void addParkedCars(const Eigen::Isometry3d& T_world_side) {
@@ -296,7 +281,8 @@ class Town {
     while (x < 0.5 * kSlab - 6.0) {
       if (random_.chance(0.55)) {
         const Vector3d spot(x, y + random_.uniform(-0.15, 0.1), 0.0);
-        const double yaw = (random_.chance(0.2) ? 0.0 : kPi) + random_.uniform(-0.03, 0.03);
+        double yaw = random_.chance(0.2) ? 0.0 : kPi;
+        yaw += random_.uniform(-0.03, 0.03);
         scene_.instances.push_back({anyCar(), T_world_side * uprightPose(spot, yaw)});
       }
       x += random_.uniform(5.6, 7.5);
@@ -306,7 +292,7 @@ class Town {
   /// Dashes in the middle of the road and a crossing for pedestrians.
   void addMarkings(const Eigen::Isometry3d& T_world_side, bool middle_line) {
     ObjectBuilder builder;
-    const Material paint = make(Pattern::kRough, 0.75, 0.12, &random_);
+    const Material paint = makeMaterial(Pattern::kRough, 0.75, 0.12, &random_);
     constexpr double kHeight = 0.004;
     const auto add = [&](double x, double y, double length, double width) {
       builder.addRectangle(T_world_side * Vector3d(x, y, kHeight),
@@ -339,9 +325,11 @@ class Town {
     for (int i = 0; i < kKinds; ++i) {
       ObjectBuilder builder;
       const double trunk = random_.uniform(1.8, 2.8);
-      builder.addColumn(Vector3d::Zero(), trunk + 0.5, random_.uniform(0.12, 0.22), 0.1,
-                        make(Pattern::kRough, 0.25, 0.4, &random_));
-      addCrown(trunk, random_.uniform(1.3, 2.2), random_.uniform(2.5, 4.5), &builder);
+      const double thickness = random_.uniform(0.12, 0.22);
+      builder.addColumn(Vector3d::Zero(), trunk + 0.5, thickness, 0.1,
+                        makeMaterial(Pattern::kRough, 0.25, 0.4, &random_));
+      const double radius = random_.uniform(1.3, 2.2);
+      addCrown(trunk, radius, random_.uniform(2.5, 4.5), &builder);
       trees_.push_back(keep(builder.take(kDrawTrees)));
     }
   }
@@ -366,7 +354,8 @@ class Town {
     for (std::size_t r = 0; r + 1 < rings.size(); ++r) {
       for (std::size_t s = 0; s < kSides; ++s) {
         const std::size_t next = (s + 1) % kSides;
-        const Material leaves = make(Pattern::kLeaves, random_.uniform(0.2, 0.34), 0.75, &random_);
+        const Material leaves =
+            makeMaterial(Pattern::kLeaves, random_.uniform(0.2, 0.34), 0.75, &random_);
         builder->addPolygon({rings[r][s], rings[r][next], rings[r + 1][next]}, leaves);
         builder->addPolygon({rings[r][s], rings[r + 1][next], rings[r + 1][s]}, leaves);
       }
@@ -374,7 +363,7 @@ class Town {
     const Vector3d apex(0.0, 0.0, foot + height);
     for (std::size_t s = 0; s < kSides; ++s) {
       builder->addPolygon({rings.back()[s], rings.back()[(s + 1) % kSides], apex},
-                          make(Pattern::kLeaves, 0.3, 0.75, &random_));
+                          makeMaterial(Pattern::kLeaves, 0.3, 0.75, &random_));
     }
   }
 
@@ -391,25 +380,26 @@ class Town {
     const double belt = random_.uniform(0.85, 1.0);
     const double roof = belt + random_.uniform(0.5, 0.75);
     const double tones[] = {0.06, 0.15, 0.3, 0.5, 0.8};
-    const Material body = makeGrid(Pattern::kPanels, tones[random_.integer(0, 4)], 0.12,
-                                   {random_.uniform(0.95, 1.2), 0.42}, &random_);
-    Material windows = makeGrid(Pattern::kPanels, 0.14, 0.5, {0.85, 1.0}, &random_);
+    const double tone = tones[random_.integer(0, 4)];
+    const Vector2d doors{random_.uniform(0.95, 1.2), 0.42};
+    const Material body = makeMaterial(Pattern::kPanels, tone, 0.12, doors, &random_);
+    const Material windows = makeMaterial(Pattern::kPanels, 0.14, 0.5, {0.85, 1.0}, &random_);
     const auto at = [](double x, double y, double z) { return uprightPose({x, y, z}, 0.0); };
     builder.addBox({at(0.0, 0.0, 0.22), {length, width, belt - 0.22}}, body);
     builder.addTaperedBox(
         {at(-0.08 * length, 0.0, belt), {0.62 * length, width - 0.06, roof - belt}},
         {random_.uniform(0.3, 0.55), 0.14}, windows, body);
-    const Material tyre = make(Pattern::kRough, 0.07, 0.3, &random_);
-    const Material rim = makeGrid(Pattern::kPicture, 0.5, 0.5, {0.4, 0.4}, &random_);
+    const Material tyre = makeMaterial(Pattern::kRough, 0.07, 0.3, &random_);
+    const Material rim = makeMaterial(Pattern::kPicture, 0.5, 0.5, {0.4, 0.4}, &random_);
     for (const double x : {-0.31 * length, 0.31 * length}) {
       for (const double side : {-1.0, 1.0}) {
         addWheel({x, side * (0.5 * width + 0.012), 0.31}, side, 0.31, tyre, &builder);
         addWheel({x, side * (0.5 * width + 0.02), 0.31}, side, 0.19, rim, &builder);
       }
     }
-    const Material lamp = make(Pattern::kPlain, 0.9, 0.1, &random_);
-    const Material rear = make(Pattern::kPlain, 0.25, 0.1, &random_);
-    const Material plate = makeGrid(Pattern::kPicture, 0.6, 0.7, {0.5, 0.11}, &random_);
+    const Material lamp = makeMaterial(Pattern::kPlain, 0.9, 0.1, &random_);
+    const Material rear = makeMaterial(Pattern::kPlain, 0.25, 0.1, &random_);
+    const Material plate = makeMaterial(Pattern::kPicture, 0.6, 0.7, {0.5, 0.11}, &random_);
     for (const double y : {-0.36 * width, 0.36 * width}) {
       builder.addBox({at(0.5 * length, y, 0.6), {0.03, 0.3, 0.16}}, lamp);
       builder.addBox({at(-0.5 * length, y, 0.65), {0.03, 0.25, 0.2}}, rear);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "world/random.h"
+
 namespace point_line_odometry::world {
 
 using Eigen::Vector3d;
@@ -56,7 +58,6 @@ void ObjectBuilder::addTaperedBox(const BoxShape& box, const Eigen::Vector2d& ta
 void ObjectBuilder::addColumn(const Vector3d& foot, double height_m, double radius_low_m,
                               double radius_high_m, const Material& material) {
   constexpr int kSides = 6;
-  constexpr double kPi = 3.14159265358979323846;
   const auto corner = [&](int i, double height, double radius) -> Vector3d {
     const double angle = 2.0 * kPi * i / kSides;
     return foot + Vector3d(radius * std::cos(angle), radius * std::sin(angle), height);
