@@ -1,6 +1,7 @@
 #include "world/material.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "world/random.h"
@@ -24,10 +25,14 @@ float blend(float a, float b, float share) { return a + (b - a) * share; }
 /// What remains of structures of a size when they are seen through a window of another size.
 float visibility(float structure, float window) { return clampUnit(1.5F - window / structure); }
 
+/// Length of the window [x - size / 2, x + size / 2] that lies in [begin, end], at most 0 for none.
+float overlap(float x, float size, float begin, float end) {
+  return std::min(x + 0.5F * size, end) - std::max(x - 0.5F * size, begin);
+}
+
 /// Share of the window [x - size / 2, x + size / 2] that lies in [begin, end].
 float coverage(float x, float size, float begin, float end) {
-  const float inside = std::min(x + 0.5F * size, end) - std::max(x - 0.5F * size, begin);
-  return clampUnit(inside / size);
+  return clampUnit(overlap(x, size, begin, end) / size);
 }
 
 /// Share of the window that lies in the interval [begin, end] of any period.
@@ -60,22 +65,40 @@ float noise(const Patch& p, float size, std::uint32_t seed) {
   return seen > 0.0F ? seen * smoothNoise(p.u / size, p.v / size, seed) : 0.0F;
 }
 
+/// Cells of a grid of size 1 that a window touches along one axis.
+struct CellRange {
+  int first;
+  int last;
+
+  CellRange(float x, float size)
+      : first(floorToInt(x - 0.5F * size)), last(floorToInt(x + 0.5F * size)) {}
+};
+
+/// Area of the patch that the rectangle of a cell covers, times its tone.
+float fleck(const Patch& p, int ix, int iy, std::uint32_t seed) {
+  const std::uint32_t h = cellHash(seed, ix, iy);
+  const float left = static_cast<float>(ix) + 0.05F + 0.45F * unit(h, 0);
+  const float width = overlap(p.u, p.size_u, left, left + 0.12F + 0.36F * unit(h, 2));
+  if (width <= 0.0F) return 0.0F;
+  const float low = static_cast<float>(iy) + 0.05F + 0.45F * unit(h, 1);
+  const float height = overlap(p.v, p.size_v, low, low + 0.12F + 0.36F * unit(h, 3));
+  if (height <= 0.0F) return 0.0F;
+  return width * height * (2.0F * unit(mix(h), 0) - 1.0F);
+}
+
 /// Rectangles with sharp edges, one in every cell of the size, of a tone in [-1, 1].
 float flecks(const Patch& p, float size, std::uint32_t seed) {
-  const float seen = visibility(0.5F * size, p.size_u) * visibility(0.5F * size, p.size_v);
+  const float scale = 1.0F / size;
+  const Patch in_cells{p.u * scale, p.v * scale, p.size_u * scale, p.size_v * scale, 0.0F, 0.0F};
+  const float seen = visibility(1.0F, in_cells.size_u) * visibility(1.0F, in_cells.size_v);
   if (seen <= 0.0F) return 0.0F;
-  const float x = p.u / size;
-  const float y = p.v / size;
-  const int ix = floorToInt(x);
-  const int iy = floorToInt(y);
-  const std::uint32_t h = cellHash(seed, ix, iy);
-  const float left = 0.05F + 0.45F * unit(h, 0);
-  const float low = 0.05F + 0.45F * unit(h, 1);
-  const float width = 0.12F + 0.36F * unit(h, 2);
-  const float height = 0.12F + 0.36F * unit(h, 3);
-  const float covered = coverage(x - static_cast<float>(ix), p.size_u / size, left, left + width) *
-                        coverage(y - static_cast<float>(iy), p.size_v / size, low, low + height);
-  return covered > 0.0F ? seen * covered * (2.0F * unit(mix(h), 0) - 1.0F) : 0.0F;
+  const CellRange columns(in_cells.u, in_cells.size_u);
+  const CellRange rows(in_cells.v, in_cells.size_v);
+  float sum = 0.0F;
+  for (int iy = rows.first; iy <= rows.last; ++iy) {
+    for (int ix = columns.first; ix <= columns.last; ++ix) sum += fleck(in_cells, ix, iy, seed);
+  }
+  return sum != 0.0F ? seen * sum / (in_cells.size_u * in_cells.size_v) : 0.0F;
 }
 
 /// Stains and grains of all sizes, in about [-1, 1].
@@ -91,9 +114,21 @@ float roughness(const Patch& p, std::uint32_t seed) {
 float cellTone(const Patch& p, float size_u, float size_v, float offset, std::uint32_t seed) {
   const float seen = visibility(size_u, p.size_u) * visibility(size_v, p.size_v);
   if (seen <= 0.0F) return 0.0F;
-  const std::uint32_t h =
-      cellHash(seed, floorToInt((p.u + offset) / size_u), floorToInt(p.v / size_v));
-  return seen * (2.0F * unit(h, 0) - 1.0F);
+  const Patch in_cells{(p.u + offset) / size_u, p.v / size_v, p.size_u / size_u,
+                       p.size_v / size_v,       0.0F,         0.0F};
+  const CellRange columns(in_cells.u, in_cells.size_u);
+  const CellRange rows(in_cells.v, in_cells.size_v);
+  float sum = 0.0F;
+  for (int iy = rows.first; iy <= rows.last; ++iy) {
+    const auto low = static_cast<float>(iy);
+    const float in_row = coverage(in_cells.v, in_cells.size_v, low, low + 1.0F);
+    for (int ix = columns.first; ix <= columns.last; ++ix) {
+      const auto left = static_cast<float>(ix);
+      const float in_column = coverage(in_cells.u, in_cells.size_u, left, left + 1.0F);
+      sum += in_row * in_column * (2.0F * unit(cellHash(seed, ix, iy), 0) - 1.0F);
+    }
+  }
+  return seen * sum;
 }
 
 float rough(const Material& m, const Patch& p) {
@@ -147,32 +182,43 @@ float picture(const Material& m, const Patch& p) {
   return blend(0.9F, std::max(0.03F, inside), border);
 }
 
-float shelf(const Material& m, const Patch& p) {
-  constexpr float kBoard = 0.03F;
-  const int level = floorToInt(p.v / m.size_v);
-  const float height = p.v - static_cast<float>(level) * m.size_v;
-  const float board = periodicCoverage(p.v, p.size_v, m.size_v, 0.0F, kBoard);
-  // Three books in every stretch of size_u; their borders and heights are random.
-  const int stretch = floorToInt(p.u / m.size_u);
-  const float place = p.u / m.size_u - static_cast<float>(stretch);
+constexpr float kBoard = 0.03F;  // thickness of a shelf's board [m]
+
+/// Light from three books of random breadth, height and tone that stand in a stretch of a board.
+float books(const Material& m, const Patch& p, int stretch, int level) {
   const std::uint32_t h = cellHash(m.seed, stretch, level);
-  const float border_1 = 0.2F + 0.2F * unit(h, 0);
-  const float border_2 = 0.55F + 0.25F * unit(h, 1);
-  float tone = 0.0F;
-  float begin = 0.0F;
-  int book = 0;
-  for (const float end : {border_1, border_2, 1.0F}) {
-    const std::uint32_t b = mix(h + static_cast<std::uint32_t>(++book));
-    const float top = m.size_v * (0.55F + 0.35F * unit(b, 1));
-    const float seen =
-        coverage(place, p.size_u / m.size_u, begin, end) * coverage(height, p.size_v, kBoard, top);
-    const float label = coverage(height, p.size_v, 0.2F * m.size_v, 0.3F * m.size_v);
-    tone += seen * blend(0.1F + 0.8F * unit(b, 0), 0.1F + 0.8F * unit(b, 2), 0.7F * label);
-    begin = end;
+  const float foot = static_cast<float>(level) * m.size_v;
+  const std::array<float, 4> borders = {0.0F, 0.2F + 0.2F * unit(h, 0), 0.55F + 0.25F * unit(h, 1),
+                                        1.0F};
+  float sum = 0.0F;
+  for (std::size_t book = 0; book < 3; ++book) {
+    const std::uint32_t b = mix(h + static_cast<std::uint32_t>(book) + 1U);
+    const float begin = (static_cast<float>(stretch) + borders[book]) * m.size_u;
+    const float end = (static_cast<float>(stretch) + borders[book + 1]) * m.size_u;
+    const float top = foot + m.size_v * (0.55F + 0.35F * unit(b, 1));
+    const float label = coverage(p.v, p.size_v, foot + 0.2F * m.size_v, foot + 0.3F * m.size_v);
+    const float cover = coverage(p.v, p.size_v, foot + kBoard, top) - label;
+    sum += coverage(p.u, p.size_u, begin, end) *
+           (cover * (0.1F + 0.8F * unit(b, 0)) + label * (0.1F + 0.8F * unit(b, 2)));
   }
-  const float seen = visibility(m.size_u, p.size_u) * visibility(m.size_v, p.size_v);
-  const float books = blend(0.3F, tone, seen);
-  return m.albedo * blend(books, 1.1F, board);
+  return sum;
+}
+
+float shelf(const Material& m, const Patch& p) {
+  constexpr float kMean = 0.35F;
+  const float seen = visibility(3.0F * m.size_u, p.size_u) * visibility(3.0F * m.size_v, p.size_v);
+  float tone = 0.0F;
+  if (seen > 0.0F) {
+    const CellRange stretches(p.u / m.size_u, p.size_u / m.size_u);
+    const CellRange levels(p.v / m.size_v, p.size_v / m.size_v);
+    for (int level = levels.first; level <= levels.last; ++level) {
+      for (int stretch = stretches.first; stretch <= stretches.last; ++stretch) {
+        tone += books(m, p, stretch, level);
+      }
+    }
+  }
+  const float board = periodicCoverage(p.v, p.size_v, m.size_v, 0.0F, kBoard);
+  return m.albedo * (blend(kMean, tone, seen) + 1.1F * board);
 }
 
 float leaves(const Material& m, const Patch& p) {

@@ -1,0 +1,189 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "world/course.h"
+#include "world/scene.h"
+
+namespace point_line_odometry::world {
+namespace {
+
+using Eigen::Vector3d;
+
+MotionStyle style() {
+  MotionStyle style;
+  style.cruise_m_s = 10.0;
+  style.lateral_m_s2 = 2.5;
+  style.longitudinal_m_s2 = 1.5;
+  style.sway_m = {0.01, 0.02, 0.03};
+  style.sway_rad = {0.01, 0.01, 0.01};
+  return style;
+}
+
+Course square() {
+  return Course({{0, 0, 2}, {100, 0, 2}, {100, 80, 2}, {0, 80, 2}}, 12.0, style(), 1);
+}
+
+double speedAt(const Course& course, double time_s) {
+  constexpr double kStep = 1e-3;
+  return (course.travelled_m(time_s + kStep, 1.0) - course.travelled_m(time_s - kStep, 1.0)) /
+         (2.0 * kStep);
+}
+
+TEST(Course, IsClosedAndAboutAsLongAsThePolygon) {
+  const Course course = square();
+  EXPECT_LT(course.length_m(), 360.0);
+  EXPECT_GT(course.length_m(), 330.0);
+  EXPECT_TRUE(course.at(0.0).isApprox(course.at(course.length_m()), 1e-6));
+}
+
+TEST(Course, BeginsOnTheFirstEdgeAndLooksAlongIt) {
+  const Course course = square();
+  const Eigen::Isometry3d pose = course.at(0.0);
+  EXPECT_NEAR(pose.translation().y(), 0.0, 1e-6);
+  EXPECT_NEAR(pose.linear()(0, 0), 1.0, 1e-6);
+  const Eigen::Isometry3d camera = course.cameraPose(0.0, 1.0, 0.0);
+  EXPECT_TRUE(camera.linear().col(2).isApprox(Vector3d::UnitX(), 1e-6));   // forward
+  EXPECT_TRUE(camera.linear().col(1).isApprox(-Vector3d::UnitZ(), 1e-6));  // down
+}
+
+TEST(Course, ArcLengthIsTheLengthTravelled) {
+  const Course course = square();
+  for (double arc = 0.0; arc < 700.0; arc += 1.7) {
+    const double step = (course.at(arc + 0.1).translation() - course.at(arc).translation()).norm();
+    ASSERT_NEAR(step, 0.1, 1e-3) << arc;
+  }
+}
+
+TEST(Course, SpeedAndItsChangeAreBounded) {
+  const Course course = square();
+  double slowest = 1e9;
+  double fastest = 0.0;
+  for (double t = 0.01; t < 60.0; t += 0.05) {
+    const double speed = speedAt(course, t);
+    slowest = std::min(slowest, speed);
+    fastest = std::max(fastest, speed);
+    ASSERT_LT(std::abs(speedAt(course, t + 0.05) - speed), 1.1 * 0.05 * 1.5) << t;
+  }
+  EXPECT_LT(slowest, 7.0);  // in the curves
+  EXPECT_GT(slowest, 2.0);
+  EXPECT_NEAR(fastest, 10.0, 0.01);
+}
+
+TEST(Course, CurvesAreDrivenAtTheLateralAcceleration) {
+  const Course course = square();
+  for (double t = 0.5; t < 60.0; t += 0.1) {
+    const double speed = speedAt(course, t);
+    constexpr double kStep = 0.02;
+    const auto heading = [&](double time) {
+      return Vector3d(course.at(course.travelled_m(time, 1.0)).linear().col(0));
+    };
+    const double turn_rate = (heading(t + kStep) - heading(t - kStep)).norm() / (2.0 * kStep);
+    ASSERT_LT(speed * turn_rate, 1.1 * 2.5) << t;
+  }
+}
+
+TEST(Course, SpeedFactorStretchesTime) {
+  const Course course = square();
+  EXPECT_NEAR(course.travelled_m(10.0, 2.0), course.travelled_m(20.0, 1.0), 1e-9);
+  EXPECT_EQ(course.travelled_m(10.0, 0.0), 0.0);
+}
+
+TEST(Course, SwayIsSmoothAndScales) {
+  const Course course = square();
+  EXPECT_TRUE(course.cameraPose(3.0, 0.0, 0.0).isApprox(course.cameraPose(9.0, 0.0, 0.0)));
+  double largest = 0.0;
+  for (double t = 0.0; t < 20.0; t += 0.01) {
+    const Eigen::Isometry3d still = course.cameraPose(t, 0.0, 0.0);
+    const Eigen::Isometry3d once = course.cameraPose(t, 0.0, 1.0);
+    const Eigen::Isometry3d next = course.cameraPose(t + 0.01, 0.0, 1.0);
+    largest = std::max(largest, (once.translation() - still.translation()).norm());
+    ASSERT_LT((next.translation() - once.translation()).norm(), 0.01);
+    ASSERT_TRUE(once.linear().isUnitary(1e-9));
+    const Eigen::Isometry3d twice = course.cameraPose(t, 0.0, 2.0);
+    ASSERT_TRUE((twice.translation() - still.translation())
+                    .isApprox(2.0 * (once.translation() - still.translation()), 1e-6));
+  }
+  EXPECT_GT(largest, 0.02);
+  EXPECT_LT(largest, 0.06);
+}
+
+/// Whether a point is inside a wall or thing: near to a surface that it has just passed.
+TEST(Scenes, CoursesAreClosedAndSmoothInAllOfThem) {
+  for (std::uint32_t seed = 1; seed < 6; ++seed) {
+    for (const Scene& scene : {makeStreet(seed, 0), makeIndoor(seed), makeCorridor(seed)}) {
+      const Course& course = scene.course;
+      ASSERT_GT(course.length_m(), 20.0);
+      ASSERT_TRUE(course.at(0.0).isApprox(course.at(course.length_m()), 1e-6));
+      for (double t = 0.0; t < 100.0; t += 0.05) {
+        const Eigen::Isometry3d motion =
+            course.cameraPose(t, 1.0, 1.0).inverse() * course.cameraPose(t + 0.05, 1.0, 1.0);
+        ASSERT_LT(motion.translation().norm(), 0.05 * 13.0);
+        ASSERT_LT(Eigen::AngleAxisd(motion.linear()).angle(), 0.05 * 1.5);
+      }
+    }
+  }
+}
+
+/// Crossings of the way between two points with the surfaces of a scene, from their seen side.
+bool passesASurface(const Scene& scene, const Vector3d& from, const Vector3d& to) {
+  for (const Instance& instance : scene.instances) {
+    const Object& object = scene.objects[instance.object];
+    const Vector3d centre = instance.T_world_object * object.centre;
+    if ((centre - from).norm() > object.radius_m + (to - from).norm()) continue;
+    const Vector3d a = instance.T_world_object.inverse() * from;
+    const Vector3d b = instance.T_world_object.inverse() * to;
+    for (const Surface& surface : object.surfaces) {
+      const Vector3d normal = surface.axis_u.cross(surface.axis_v);
+      const double height_a = normal.dot(a - surface.origin);
+      const double height_b = normal.dot(b - surface.origin);
+      if (height_a <= 0.0 || height_b > 0.0) continue;
+      const Vector3d hit = a + (b - a) * (height_a / (height_a - height_b)) - surface.origin;
+      const Eigen::Vector2d place(hit.dot(surface.axis_u), hit.dot(surface.axis_v));
+      bool inside = true;
+      for (std::size_t i = 0; i < surface.num_corners; ++i) {
+        const Eigen::Vector2d p = surface.corners[i].cast<double>();
+        const Eigen::Vector2d q = surface.corners[(i + 1) % surface.num_corners].cast<double>();
+        const Eigen::Vector2d along = q - p;
+        const Eigen::Vector2d offset = place - p;
+        inside = inside && along.x() * offset.y() - along.y() * offset.x() >= 0.0;
+      }
+      if (inside) return true;
+    }
+  }
+  return false;
+}
+
+TEST(Scenes, TheCameraRunsIntoNothing) {
+  for (std::uint32_t seed = 1; seed < 6; ++seed) {
+    for (const Scene& scene : {makeStreet(seed, 0), makeIndoor(seed), makeCorridor(seed)}) {
+      constexpr double kStep = 0.1;
+      for (double t = 0.0; t < 150.0; t += kStep) {
+        const Vector3d from = scene.course.cameraPose(t, 1.0, 1.0).translation();
+        const Vector3d to = scene.course.cameraPose(t + kStep, 1.0, 1.0).translation();
+        ASSERT_FALSE(passesASurface(scene, from, to)) << "seed " << seed << " at " << t << " s";
+      }
+    }
+  }
+}
+
+TEST(Scenes, MovingCarsFollowTheRoad) {
+  const Scene scene = makeStreet(4, 6);
+  ASSERT_EQ(scene.movers.size(), 6U);
+  const std::vector<Instance> before = placeMovers(scene, 10.0);
+  const std::vector<Instance> after = placeMovers(scene, 10.1);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Vector3d motion =
+        after[i].T_world_object.translation() - before[i].T_world_object.translation();
+    const double speed = std::abs(scene.movers[i].speed_m_s);
+    EXPECT_GT(motion.norm() / 0.1, 0.4 * speed);  // beside the course: other radii
+    EXPECT_LT(motion.norm() / 0.1, 2.0 * speed);
+    EXPECT_EQ(after[i].T_world_object.translation().z(), 0.0);
+    // It drives forwards.
+    EXPECT_GT(motion.normalized().dot(before[i].T_world_object.linear().col(0)), 0.99);
+  }
+}
+
+}  // namespace
+}  // namespace point_line_odometry::world

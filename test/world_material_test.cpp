@@ -1,0 +1,154 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <vector>
+
+#include "world/material.h"
+#include "world/random.h"
+
+namespace point_line_odometry::world {
+namespace {
+
+Patch patchAt(float u, float v, float size) { return {u, v, size, size, 0.0F, 0.0F}; }
+
+Material material(Pattern pattern) {
+  Random random(3);
+  return makeMaterial(pattern, 0.5, 0.3, {0.24, 0.32}, &random);
+}
+
+const Pattern kPatterns[] = {Pattern::kPlain, Pattern::kRough,  Pattern::kBricks,
+                             Pattern::kTiles, Pattern::kPanels, Pattern::kPicture,
+                             Pattern::kShelf, Pattern::kLeaves};
+
+/// Mean of a fine grid of small patches over a square.
+float meanOfFinePatches(const Material& m, float u, float v, float size) {
+  constexpr int kSteps = 40;
+  float sum = 0.0F;
+  for (int i = 0; i < kSteps; ++i) {
+    for (int j = 0; j < kSteps; ++j) {
+      const float step = size / kSteps;
+      sum += reflectance(m, patchAt(u - 0.5F * size + (static_cast<float>(i) + 0.5F) * step,
+                                    v - 0.5F * size + (static_cast<float>(j) + 0.5F) * step, step));
+    }
+  }
+  return sum / (kSteps * kSteps);
+}
+
+TEST(Material, IsAFunctionOfPlaceAndSeed) {
+  for (const Pattern pattern : kPatterns) {
+    Material m = material(pattern);
+    const float first = reflectance(m, patchAt(0.13F, 0.11F, 0.002F));
+    EXPECT_EQ(first, reflectance(m, patchAt(0.13F, 0.11F, 0.002F)));
+    int different = 0;
+    for (std::uint32_t seed = 100; seed < 120; ++seed) {
+      m.seed = seed;
+      different += reflectance(m, patchAt(0.13F, 0.11F, 0.002F)) != first ? 1 : 0;
+    }
+    EXPECT_GT(different, 10) << static_cast<int>(pattern);
+  }
+}
+
+TEST(Material, StaysWithinWhatASurfaceCanReflect) {
+  Random random(1);
+  for (const Pattern pattern : kPatterns) {
+    const Material m = material(pattern);
+    for (int i = 0; i < 3000; ++i) {
+      const auto u = static_cast<float>(random.uniform(-20.0, 20.0));
+      const auto v = static_cast<float>(random.uniform(-20.0, 20.0));
+      const auto size = static_cast<float>(std::exp2(random.uniform(-9.0, 5.0)));
+      const float value = reflectance(m, patchAt(u, v, size));
+      ASSERT_GE(value, 0.0F) << static_cast<int>(pattern);
+      ASSERT_LE(value, 1.2F) << static_cast<int>(pattern);
+    }
+  }
+}
+
+// Anti-aliasing: a pixel that sees a large patch gets the mean of what is in it.
+TEST(Material, LargePatchIsTheMeanOfSmallOnes) {
+  for (const Pattern pattern : kPatterns) {
+    const Material m = material(pattern);
+    double error = 0.0;
+    double variation = 0.0;
+    constexpr int kPlaces = 40;
+    Random random(5);
+    for (int i = 0; i < kPlaces; ++i) {
+      const auto u = static_cast<float>(random.uniform(0.05, 3.0));
+      const auto v = static_cast<float>(random.uniform(0.05, 3.0));
+      const float mean = meanOfFinePatches(m, u, v, 0.4F);
+      error += std::pow(reflectance(m, patchAt(u, v, 0.4F)) - mean, 2);
+      variation += std::pow(reflectance(m, patchAt(u, v, 0.002F)) - mean, 2);
+    }
+    // What remains of the pattern at a patch as large as its elements, over its whole contrast.
+    EXPECT_LT(std::sqrt(error / kPlaces), 0.05) << static_cast<int>(pattern);
+    EXPECT_LT(error, 0.5 * variation + 1e-4) << static_cast<int>(pattern);
+  }
+}
+
+TEST(Material, ChangesSmoothlyWithSizeAndPlaceOfThePatch) {
+  for (const Pattern pattern : kPatterns) {
+    const Material m = material(pattern);
+    constexpr float kSize = 0.05F;
+    float before = reflectance(m, patchAt(0.3F, 0.4F, kSize));
+    for (int i = 1; i < 2000; ++i) {  // steps of 2 % of a pixel
+      const float now = reflectance(m, patchAt(0.3F + 0.001F * static_cast<float>(i), 0.4F, kSize));
+      ASSERT_LT(std::abs(now - before), 0.05F) << static_cast<int>(pattern) << " at step " << i;
+      before = now;
+    }
+  }
+}
+
+// What a matcher compares is nowhere the same by accident.
+TEST(Material, DoesNotRepeat) {
+  for (const Pattern pattern : {Pattern::kRough, Pattern::kBricks, Pattern::kLeaves}) {
+    const Material m = material(pattern);
+    std::set<std::vector<int>> seen;
+    int windows = 0;
+    for (int i = 0; i < 200; ++i) {
+      for (int j = 0; j < 20; ++j) {
+        std::vector<int> window;
+        for (int k = 0; k < 49; ++k) {
+          const float u = 0.48F * static_cast<float>(i) + 0.02F * static_cast<float>(k % 7);
+          const float v = 0.64F * static_cast<float>(j) + 0.02F * static_cast<float>(k / 7);
+          window.push_back(static_cast<int>(64.0F * reflectance(m, patchAt(u, v, 0.02F))));
+        }
+        seen.insert(window);
+        ++windows;
+      }
+    }
+    EXPECT_EQ(static_cast<int>(seen.size()), windows) << static_cast<int>(pattern);
+  }
+}
+
+TEST(Windows, ARecessShowsItsSideToASlantingRay) {
+  Material m = material(Pattern::kPlain);
+  m.contrast = 0.0F;
+  m.windows.pitch_u = 3.0F;
+  m.windows.recess = 0.2F;
+  const float left_edge = 0.5F * (m.windows.pitch_u - m.windows.width);
+  Patch patch = patchAt(left_edge + 0.05F, m.windows.sill + 0.7F, 0.001F);
+  const float straight = reflectance(m, patch);  // the frame of the window
+  patch.slope_u = -1.0F;                         // leaves the opening at the left: its side is seen
+  const float side = reflectance(m, patch);
+  EXPECT_NEAR(side, 0.65F * m.albedo, 1e-3F);
+  EXPECT_GT(std::abs(side - straight), 0.2F);
+  patch.u = left_edge - 0.05F;  // beside the opening: the wall, from every side
+  EXPECT_NEAR(reflectance(m, patch), m.albedo, 1e-3F);
+}
+
+TEST(Sky, IsBrightAndSmooth) {
+  float low = 1.0F;
+  float high = 0.0F;
+  for (int i = 0; i < 360; ++i) {
+    const auto angle = static_cast<float>(i * kPi / 180.0);
+    const float value = skyRadiance(7, std::cos(angle), std::sin(angle), 0.2F);
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  EXPECT_GT(low, 0.7F);
+  EXPECT_LT(high, 1.0F);
+}
+
+}  // namespace
+}  // namespace point_line_odometry::world
