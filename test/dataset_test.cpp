@@ -10,6 +10,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
+#include "point_line_odometry/dataset_writer.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -382,6 +384,102 @@ TEST_F(EurocDatasetTest, RefusesCamerasAtOnePlace) {
 TEST_F(EurocDatasetTest, RefusesGroundTruthWithoutOrientation) {
   writeGroundTruth("1403636584763555580,1,2,3\n");
   expectRefused({"state_groundtruth_estimate0/data.csv", "unit quaternion"});
+}
+
+// --- Writing ----------------------------------------------------------------------------------
+
+class DatasetWriterTest : public DatasetTest {
+ protected:
+  void SetUp() override {
+    DatasetTest::SetUp();
+    fs::create_directories(folder());
+    for (CameraCalibration* camera : {&calibration_.left, &calibration_.right}) {
+      camera->width = kWidth;
+      camera->height = kHeight;
+      camera->K << 50.1, 0.0, 32.0 / 3.0, 0.0, 51.0, 24.0, 0.0, 0.0, 1.0;
+      camera->D = {-0.01, 0.1 / 3.0, 0.001, 0.0, 0.0};
+      camera->P.leftCols<3>() = camera->K;
+      camera->P(1, 1) = camera->P(0, 0);
+    }
+    calibration_.right.P(0, 3) = -20.0 / 3.0;
+  }
+
+  /// Writes frame i, which has its number in the images' grey and in the pose.
+  void add(int i, DatasetWriter* writer) {
+    const cv::Size size(kWidth, kHeight);
+    StereoImages images;
+    images.left = cv::Mat(size, CV_8UC1, cv::Scalar(10 + i));
+    images.right = cv::Mat(size, CV_8UC1, cv::Scalar(20 + i));
+    images.stamp_ns = 33333333 * static_cast<std::int64_t>(i);
+    Eigen::Isometry3d pose(Eigen::AngleAxisd(0.1 * i, Eigen::Vector3d::UnitY()));
+    pose.translation() << i, 0.5, -1.0 / 3.0;
+    writer->add(images, pose);
+  }
+
+  StereoDataset writeAndRead(DatasetLayout layout) {
+    DatasetWriter writer(folder(), layout, calibration_, 30.0);
+    for (int i = 0; i < 3; ++i) add(i, &writer);
+    writer.finish();
+    return StereoDataset::open(folder());
+  }
+
+  static void expectFrames(const StereoDataset& dataset) {
+    ASSERT_EQ(dataset.size(), 3U);
+    ASSERT_EQ(dataset.groundTruth().size(), 3U);
+    EXPECT_EQ(dataset.frame(2).stamp_ns, 66666666);
+    EXPECT_EQ(dataset.load(1).left.at<std::uint8_t>(5, 5), 11);
+    EXPECT_EQ(dataset.load(2).right.at<std::uint8_t>(5, 5), 22);
+    const StampedPose& pose = dataset.groundTruth()[2];
+    EXPECT_EQ(pose.stamp_ns, 66666666);
+    EXPECT_TRUE(
+        pose.T_world_camera.translation().isApprox(Eigen::Vector3d(2, 0.5, -1.0 / 3), 1e-8));
+    EXPECT_NEAR(Eigen::AngleAxisd(pose.T_world_camera.linear()).angle(), 0.2, 1e-8);
+  }
+
+  StereoCalibration calibration_;
+};
+
+TEST_F(DatasetWriterTest, KittiIsReadBackAsItWas) {
+  const StereoDataset dataset = writeAndRead(DatasetLayout::kKitti);
+  expectFrames(dataset);
+  EXPECT_FALSE(dataset.needsRectification());
+  EXPECT_EQ(dataset.calibration().left.P, calibration_.left.P);
+  EXPECT_EQ(dataset.calibration().right.P, calibration_.right.P);
+}
+
+TEST_F(DatasetWriterTest, EurocIsReadBackAsItWas) {
+  Eigen::Isometry3d T_right_left(Eigen::AngleAxisd(0.02, Eigen::Vector3d(1, 2, 3).normalized()));
+  T_right_left.translation() << -0.11, 0.001, 0.002;
+  calibration_ = rectifyCalibration(calibration_, T_right_left);
+  EXPECT_TRUE(poseOfRightInLeft(calibration_).isApprox(T_right_left.inverse(), 1e-9));
+
+  const StereoDataset dataset = writeAndRead(DatasetLayout::kEuroc);
+  expectFrames(dataset);
+  EXPECT_TRUE(dataset.needsRectification());
+  EXPECT_TRUE(dataset.T_body_camera()->isApprox(Eigen::Isometry3d::Identity()));
+  EXPECT_EQ(dataset.calibration().left.K, calibration_.left.K);
+  EXPECT_EQ(dataset.calibration().left.D, calibration_.left.D);
+  EXPECT_EQ(dataset.calibration().left.distortion_model, "plumb_bob");
+  EXPECT_TRUE(dataset.calibration().right.R.isApprox(calibration_.right.R, 1e-12));
+  EXPECT_TRUE(dataset.calibration().right.P.isApprox(calibration_.right.P, 1e-12));
+}
+
+TEST_F(DatasetWriterTest, WritesFisheyeCameras) {
+  for (CameraCalibration* camera : {&calibration_.left, &calibration_.right}) {
+    camera->distortion_model = "equidistant";
+    camera->D.resize(4);
+  }
+  const StereoDataset dataset = writeAndRead(DatasetLayout::kEuroc);
+  EXPECT_EQ(dataset.calibration().right.distortion_model, "equidistant");
+  EXPECT_EQ(dataset.calibration().right.D, calibration_.right.D);
+}
+
+TEST_F(DatasetWriterTest, SaysWhatCannotBeWritten) {
+  writeText(file("mav0"), "a file where a folder must be");
+  EXPECT_THROW(DatasetWriter(folder(), DatasetLayout::kEuroc, calibration_, 30.0), InputError);
+  DatasetWriter writer(folder(), DatasetLayout::kKitti, calibration_, 30.0);
+  fs::remove_all(file("image_1"));
+  EXPECT_THROW(add(0, &writer), InputError);
 }
 
 }  // namespace

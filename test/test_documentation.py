@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""README's table of parameters is the one that the programs print."""
+"""README's tables of parameters are those that the programs print."""
 
 import os
 import re
@@ -8,14 +8,20 @@ import unittest
 from tool_fixture import run
 
 README = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "README.md")
-TABLE = re.compile(r"<!-- parameters: [^>]*-->\n(.*?)\n<!-- end of parameters -->", re.DOTALL)
+TABLE = r"<!-- {0}: [^>]*-->\n(.*?)\n<!-- end of {0} -->"
 
 
 class DocumentationTest(unittest.TestCase):
-    def test_table_of_parameters(self):
+    def check(self, name, program):
         with open(README, encoding="utf-8") as file:
-            table = TABLE.search(file.read()).group(1)
-        self.assertEqual(table, run("offline_odometry", "--print-parameters").stdout.strip())
+            table = re.search(TABLE.format(name), file.read(), re.DOTALL).group(1)
+        self.assertEqual(table, run(program, "--print-parameters").stdout.strip())
+
+    def test_table_of_parameters(self):
+        self.check("parameters", "offline_odometry")
+
+    def test_table_of_the_synthetic_world(self):
+        self.check("world", "synthetic_world")
 
 
 if __name__ == "__main__":

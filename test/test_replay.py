@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Replays real sequences in a real roscore: rosbag play, the nodelet by its launch file, rosbag record.
+"""The odometry in a real roscore: rosbag play or the demo, the nodelet by its launch file, rosbag
+record.
 
-Every frame must arrive as odometry, and the trajectory must be that of offline_odometry. Sequences are looked for as
-in test_tools.py; REPLAY_SEQUENCES (names, with spaces between) and REPLAY_RATE choose others.
+Every frame must arrive as odometry, and the trajectory must be that of offline_odometry. Real
+sequences are looked for as in test_tools.py; REPLAY_SEQUENCES (names, with spaces between) and
+REPLAY_RATE choose others.
 """
 
 import os
@@ -19,8 +21,10 @@ import rosbag
 
 from tool_fixture import data_folder, find_program, run
 
-LAUNCH = {True: "euroc.launch", False: "kitti.launch"}
+REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+RECORDED = ["/stereo/odom", "/stereo/info", "/tf", "/tf_static", "/ground_truth/odom"]
 START_UP_S = 60.0
+FRAME_S = 3.0  # at most, of a demo
 
 
 def free_port():
@@ -51,23 +55,26 @@ def xyzw(q):
     return q.x, q.y, q.z, q.w
 
 
-class Replay:
-    """A roscore of its own with the recorder and everything that the launch file starts."""
+class Recording:
+    """A roscore of its own with a recorder and everything that a launch file starts."""
 
     def __init__(self, folder):
         self.folder = folder
         port = free_port()
-        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_IP="127.0.0.1",
-                                ROS_LOG_DIR=os.path.join(folder, "log"))
+        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{port}",
+                                ROS_IP="127.0.0.1", ROS_LOG_DIR=os.path.join(folder, "log"))
         self.environment.pop("ROS_HOSTNAME", None)
         self.processes = []
         self.start(["roscore", "-p", str(port)], "roscore")
         self.wait_for_master()
+        self.bag = os.path.join(folder, "recorded.bag")
+        self.recorder = self.start(["rosbag", "record", "-O", self.bag] + RECORDED, "record")
+        self.launch = None
 
     def start(self, command, name):
         log = open(os.path.join(self.folder, name + ".log"), "w")
-        process = subprocess.Popen(command, env=self.environment, stdout=log, stderr=subprocess.STDOUT,
-                                   start_new_session=True)
+        process = subprocess.Popen(command, env=self.environment, stdout=log,
+                                   stderr=subprocess.STDOUT, start_new_session=True)
         log.close()
         self.processes.append(process)
         return process
@@ -75,31 +82,35 @@ class Replay:
     def wait_for_master(self):
         deadline = time.monotonic() + START_UP_S
         while time.monotonic() < deadline:
-            if subprocess.run(["rosparam", "get", "/run_id"], env=self.environment, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL).returncode == 0:
+            if subprocess.run(["rosparam", "get", "/run_id"], env=self.environment,
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0:
                 return
             time.sleep(0.2)
         raise RuntimeError("roscore did not come up")
 
-    def record_odometry(self, bag, launch_file, rate):
-        """The recorded topics' bag, after the player has finished."""
-        recorded = os.path.join(self.folder, "recorded.bag")
-        recorder = self.start(["rosbag", "record", "-O", recorded, "/stereo/odom", "/stereo/info", "/tf"], "record")
-        launch = self.start(["roslaunch", "point_line_odometry", launch_file, f"bag:={bag}", "rviz:=false",
-                             f"rate:={rate}"], "launch")
-        end = rosbag_seconds(bag) / rate + START_UP_S
-        deadline = time.monotonic() + end
-        while time.monotonic() < deadline and not self.player_done():
+    def record(self, launch_file, arguments, done, timeout_s):
+        """Runs the launch file until done() or the timeout; self.bag is whole then."""
+        self.launch = self.start(["roslaunch", "point_line_odometry", launch_file, "rviz:=false"]
+                                 + arguments, "launch")
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline and not done():
             time.sleep(0.5)
         time.sleep(2.0)
-        for process in (recorder, launch):
-            os.killpg(process.pid, signal.SIGINT)
+        for process in (self.recorder, self.launch):
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
             process.wait(timeout=30)
-        return recorded
+
+    def log(self):
+        with open(os.path.join(self.folder, "launch.log"), errors="replace") as log:
+            return log.read()
 
     def player_done(self):
-        with open(os.path.join(self.folder, "launch.log"), errors="replace") as log:
-            return "player" in log.read().partition("process has finished cleanly")[0].rpartition("\n")[2]
+        before = self.log().partition("process has finished cleanly")[0]
+        return "player" in before.rpartition("\n")[2]
+
+    def launch_done(self):
+        return self.launch.poll() is not None
 
     def close(self):
         for process in reversed(self.processes):
@@ -111,62 +122,111 @@ class Replay:
                     os.killpg(process.pid, signal.SIGKILL)
                     process.wait()
 
+    def camera_poses(self, topic):
+        """Stamps [ns] and poses of the left camera, the first one identity, from a topic of base
+        poses and the static tf."""
+        with rosbag.Bag(self.bag) as bag:
+            mounting = next(t.transform for _, message, _ in bag.read_messages("/tf_static")
+                            for t in message.transforms if t.child_frame_id == "left_camera")
+            T_base_camera = transform(xyz(mounting.translation), xyzw(mounting.rotation))
+            stamps, poses = [], []
+            for _, message, _ in bag.read_messages(topic):
+                pose = message.pose.pose
+                T_odom_base = transform(xyz(pose.position), xyzw(pose.orientation))
+                stamps.append(message.header.stamp.to_nsec())
+                poses.append(np.linalg.inv(T_base_camera) @ T_odom_base @ T_base_camera)
+        return stamps, [np.linalg.inv(poses[0]) @ pose for pose in poses]
+
 
 def rosbag_seconds(path):
     with rosbag.Bag(path) as bag:
         return bag.get_end_time() - bag.get_start_time()
 
 
-def recorded_camera_poses(recorded, source):
-    """Stamps and poses of the left camera, the first one identity, from odom and the static tf."""
-    with rosbag.Bag(source) as bag:
-        mounting = next(t.transform for _, message, _ in bag.read_messages("/tf_static") for t in message.transforms
-                        if t.child_frame_id == "left_camera")
-    T_base_camera = transform(xyz(mounting.translation), xyzw(mounting.rotation))
-    stamps, poses = [], []
-    with rosbag.Bag(recorded) as bag:
-        for _, message, _ in bag.read_messages("/stereo/odom"):
-            pose = message.pose.pose
-            T_odom_base = transform(xyz(pose.position), xyzw(pose.orientation))
-            stamps.append(message.header.stamp.to_nsec())
-            poses.append(np.linalg.inv(T_base_camera) @ T_odom_base @ T_base_camera)
-    return stamps, [np.linalg.inv(poses[0]) @ pose for pose in poses]
+def read_tum(path):
+    """Stamps [ns] and poses."""
+    rows = np.loadtxt(path)
+    return ([int(round(row[0] * 1e9)) for row in rows],
+            [transform(row[1:4], row[4:]) for row in rows])
 
 
-class ReplayTest(unittest.TestCase):
+class RecordingTest(unittest.TestCase):
     def setUp(self):
-        self.folder = tempfile.mkdtemp()
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         find_program("offline_odometry")
 
+    def make_recording(self):
+        folder = tempfile.mkdtemp()
+        self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
+        recording = Recording(folder)
+        self.addCleanup(recording.close)
+        return recording
+
+    def succeed(self, *command):
+        result = run(*command)
+        self.assertEqual(result.returncode, 0, result.stderr)
+
+    def offline(self, source, output, dataset):
+        """The folder of the offline run on `source`, configured for kitti or euroc."""
+        config = os.path.join(REPOSITORY, "config", dataset + ".yaml")
+        self.succeed("offline_odometry", source, "-o", output, "--config", config)
+        return output
+
+    def check_poses(self, recording, topic, trajectory):
+        """Returns the largest difference of recorded poses and those of a file."""
+        stamps, poses = recording.camera_poses(topic)
+        expected_stamps, expected = read_tum(trajectory)
+        self.assertEqual(len(stamps), len(expected), recording.log()[-3000:])
+        for stamp, expected_stamp in zip(stamps, expected_stamps):
+            self.assertAlmostEqual((stamp - stamps[0]) * 1e-9,
+                                   (expected_stamp - expected_stamps[0]) * 1e-9, places=6)
+        difference = max(np.abs(pose - truth).max() for pose, truth in zip(poses, expected))
+        self.assertLess(difference, 1e-5)
+        return difference
+
+
+class ReplayTest(RecordingTest):
     def replay(self, sequence):
         source = data_folder(sequence)
-        bag = os.path.join(self.folder, "sequence.bag")
-        offline = os.path.join(self.folder, "offline")
-        launch_file = LAUNCH[os.path.isdir(os.path.join(source, "mav0"))]
-        config = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "config",
-                              launch_file.replace(".launch", ".yaml"))
-        for command in (("dataset_to_bag", source, bag), ("offline_odometry", bag, "-o", offline, "--config", config)):
-            result = run(*command)
-            self.assertEqual(result.returncode, 0, result.stderr)
-
-        replay = Replay(self.folder)
-        self.addCleanup(replay.close)
-        recorded = replay.record_odometry(bag, launch_file, float(os.environ.get("REPLAY_RATE", "0.5")))
-        stamps, poses = recorded_camera_poses(recorded, bag)
-        expected = np.loadtxt(os.path.join(offline, "trajectory.kitti")).reshape(-1, 3, 4)
-        with open(os.path.join(self.folder, "launch.log"), errors="replace") as log:
-            self.assertEqual(len(stamps), len(expected), log.read()[-3000:])
-        self.assertEqual(len(set(stamps)), len(stamps))
-        difference = max(np.abs(pose[:3] - truth).max() for pose, truth in zip(poses, expected))
-        self.assertLess(difference, 1e-5)
-        print(f"{sequence}: {len(stamps)} frames through rosbag play and the nodelet, largest difference from "
+        dataset = "euroc" if os.path.isdir(os.path.join(source, "mav0")) else "kitti"
+        recording = self.make_recording()
+        bag = os.path.join(recording.folder, "sequence.bag")
+        self.succeed("dataset_to_bag", source, bag)
+        offline = self.offline(bag, os.path.join(recording.folder, "offline"), dataset)
+        rate = float(os.environ.get("REPLAY_RATE", "0.5"))
+        recording.record(dataset + ".launch", [f"bag:={bag}", f"rate:={rate}"],
+                         recording.player_done, rosbag_seconds(bag) / rate + START_UP_S)
+        difference = self.check_poses(recording, "/stereo/odom",
+                                      os.path.join(offline, "trajectory.tum"))
+        print(f"{sequence}: rosbag play and the nodelet, largest difference from "
               f"offline_odometry {difference:.1e}")
 
     def test_sequences(self):
-        for sequence in os.environ.get("REPLAY_SEQUENCES", "kitti_06_000-050 rendered_lowtexture").split():
+        sequences = os.environ.get("REPLAY_SEQUENCES", "kitti_06_000-050 rendered_lowtexture")
+        for sequence in sequences.split():
             with self.subTest(sequence=sequence):
                 self.replay(sequence)
+
+
+class DemoTest(RecordingTest):
+    def demo(self, scene, dataset, frames):
+        """The demo loses no frame, gives the offline trajectory, and ends by itself."""
+        recording = self.make_recording()
+        recording.record("demo.launch", [f"scene:={scene}", "seed:=3", f"frames:={frames}",
+                                         "rate:=10", "exit_when_done:=true"],
+                         recording.launch_done, START_UP_S + FRAME_S * frames)
+        self.assertEqual(recording.launch.returncode, 0, recording.log()[-3000:])
+        offline = self.offline(f"synthetic:{scene},seed=3,frames={frames}",
+                               os.path.join(recording.folder, "offline"), dataset)
+        difference = self.check_poses(recording, "/stereo/odom",
+                                      os.path.join(offline, "trajectory.tum"))
+        self.check_poses(recording, "/ground_truth/odom", os.path.join(offline, "groundtruth.tum"))
+        print(f"demo, {scene}: largest difference from offline_odometry {difference:.1e}")
+
+    def test_street(self):
+        self.demo("street", "kitti", 40)
+
+    def test_corridor(self):
+        self.demo("corridor", "euroc", 15)
 
 
 if __name__ == "__main__":

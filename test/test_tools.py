@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of offline_odometry and dataset_to_bag as their users run them.
+"""Tests of offline_odometry, dataset_to_bag and synthetic_world as their users run them.
 
 The programs are looked for in the folder POINT_LINE_ODOMETRY_BIN, else by catkin_find. Real
 sequences are looked for in POINT_LINE_ODOMETRY_DATA, else in ../shared/data beside the
@@ -10,6 +10,7 @@ import csv
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -20,7 +21,8 @@ import rosbag
 from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest, cut_off,
                           data_folder, find_program, read, write)
 
-RESULTS = ["frames.csv", "summary.json", "trajectory.kitti", "trajectory.tum"]
+RESULTS = ["frames.csv", "groundtruth.tum", "summary.json", "trajectory.kitti",
+           "trajectory.tum"]
 
 
 class OfflineOdometryTest(ToolTest):
@@ -46,6 +48,19 @@ class OfflineOdometryTest(ToolTest):
         output = self.offline(self.kitti, "out")
         first = read(os.path.join(output, "trajectory.kitti")).split(b"\n")[0]
         self.assertEqual([float(x) for x in first.split()], [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0])
+
+    def test_ground_truth_is_of_the_time_of_the_run(self):
+        output = self.offline(self.kitti, "out", "--max-frames", 2)
+        self.assertEqual(read(os.path.join(output, "groundtruth.tum")),
+                         b"0.000000000 0.000000000 0.000000000 0.000000000 "
+                         b"0.000000000 0.000000000 0.000000000 1.000000000\n"
+                         b"0.100000000 0.120000000 0.000000000 0.000000000 "
+                         b"0.000000000 0.000000000 0.000000000 1.000000000\n")
+
+    def test_ground_truth_of_an_older_run_goes_away(self):
+        self.offline(self.kitti, "out")
+        os.remove(os.path.join(self.kitti, "poses.txt"))
+        self.assertNotIn("groundtruth.tum", os.listdir(self.offline(self.kitti, "out")))
 
     def test_prints_table_and_progress(self):
         result = self.succeed("offline_odometry", self.kitti, "-o", self.path("out"))
@@ -333,6 +348,167 @@ class DatasetToBagTest(ToolTest):
         self.assertFalse(os.path.exists(self.path("killed.bag")))
         self.refuse(["was not closed", "rosbag reindex"], "offline_odometry", part,
                     "-o", self.path("out"))
+
+
+class SyntheticWorldTest(ToolTest):
+    FRAMES = 4
+
+    def make(self, name, *options):
+        self.succeed("synthetic_world", self.path(name), "--quiet", "--frames", self.FRAMES,
+                     *options)
+        return self.path(name)
+
+    def check_same_everywhere(self, scene):
+        """A folder, a bag and the world itself give the same trajectory; returns its results."""
+        options = ["seed=3", "noise=2.5", f"frames={self.FRAMES}"]
+        direct = self.offline(",".join(["synthetic:" + scene] + options), "direct")
+        options = ["--scene", scene, "--seed", 3, "--noise", 2.5]
+        folder = self.offline(self.make("folder", *options), "from_folder")
+        bag = self.offline(self.make("world.bag", *options), "from_bag")
+        self.assertSameFile("trajectory.kitti", direct, bag)
+        for name in ("trajectory.kitti", "trajectory.tum", "groundtruth.tum"):
+            self.assertSameNumbers(name, direct, folder)
+        with open(os.path.join(direct, "summary.json")) as file:
+            self.assertEqual(json.load(file)["states"], {"initializing": 1, "ok": self.FRAMES - 1})
+        self.check_accuracy(direct, os.path.join(direct, "groundtruth.tum"))
+        return folder
+
+    def check_accuracy(self, output, truth):
+        result = self.succeed("evaluate_trajectory", "--json", "--groundtruth", truth,
+                              "--estimate", os.path.join(output, "trajectory.tum"))
+        self.assertLess(json.loads(result.stdout)["ate_m"]["rmse"], 0.02)
+
+    def test_street(self):
+        self.check_same_everywhere("street")
+        self.assertEqual(sorted(os.listdir(self.path("folder"))),
+                         ["calib.txt", "image_0", "image_1", "poses.txt", "synthetic_world.yaml",
+                          "times.txt"])
+        self.assertEqual(sorted(os.listdir(self.path("folder", "image_1"))),
+                         [f"{i:06}.png" for i in range(self.FRAMES)])
+
+    def test_corridor(self):
+        output = self.check_same_everywhere("corridor")
+        truth = self.path("folder", "mav0", "state_groundtruth_estimate0", "data.csv")
+        self.check_accuracy(output, truth)
+
+    def test_bag_is_that_of_the_folder(self):
+        bags = {"direct.bag": f"synthetic:street,frames={self.FRAMES}",
+                "folder.bag": self.make("folder")}
+        contents = []
+        for name, source in bags.items():
+            self.succeed("dataset_to_bag", source, self.path(name), "--quiet")
+            with rosbag.Bag(self.path(name)) as bag:
+                contents.append([(topic, stamp, getattr(message, "data", None))
+                                 for topic, message, stamp in bag.read_messages()])
+        self.assertEqual(contents[0], contents[1])
+        self.assertIn("/ground_truth/path", [topic for topic, _, _ in contents[0]])
+
+    def test_same_options_give_the_same_bytes(self):
+        self.assertSameFile("image_1/000003.png", self.make("a"), self.make("b"))
+        self.assertNotEqual(read(self.path("a", "image_1", "000003.png")),
+                            read(os.path.join(self.make("c", "--seed", 2), "image_1", "000003.png")))
+
+    def test_replaces_its_own_folder(self):
+        folder = self.make("folder")
+        self.make("folder", "--scene", "corridor")
+        self.assertEqual(sorted(os.listdir(folder)), ["mav0", "synthetic_world.yaml"])
+        with open(os.path.join(folder, "synthetic_world.yaml")) as file:
+            self.assertIn("scene: corridor\n", file.read())
+        os.mkdir(self.path("empty"))
+        self.make("empty")
+        os.rename(folder, self.path("killed.part"))  # as a run that was killed leaves it
+        self.make("killed")
+        self.assertEqual(sorted(os.listdir(self.root)), ["empty", "killed", "kitti"])
+
+    def test_follows_a_path(self):
+        write(self.path("path.tum"), "# forward, and 0.2 m to the right\n5 0 0 0 0 0 0 1\n"
+              "5.3 0.2 0 0.6 0 0 0 1\n")
+        output = self.offline(f"synthetic:street,path={self.path('path.tum')}", "out")
+        rows = read(os.path.join(output, "groundtruth.tum")).decode().splitlines()
+        self.assertEqual(len(rows), 4)
+        last = [float(number) for number in rows[-1].split()]
+        for number, expected in zip(last, [0.3, 0.2, 0, 0.6, 0, 0, 0, 1]):
+            self.assertAlmostEqual(number, expected, places=6)
+
+    def test_length(self):
+        source = f"synthetic:street,length=3,path={self.path('path.tum')}"
+        write(self.path("path.tum"), "0 0 0 0 0 0 0 1\n10 0 0 100 0 0 0 1\n")  # 1 m a frame
+        output = self.offline(source, "out")
+        self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), 4)
+
+    def test_print_parameters(self):
+        table = self.succeed("synthetic_world", "--print-parameters").stdout
+        self.assertIn("| `noise` | 1.5 | 0 ... 50 | grey levels |", table)
+        self.assertIn("| `scene` | street | street, indoor, corridor |", table)
+
+    def test_help(self):
+        text = self.succeed("synthetic_world", "--help").stdout
+        self.assertIn("usage: synthetic_world OUT", text)
+        self.assertIn("--motion_blur_ms", text)
+
+    def test_refuses_bad_options(self):
+        out = self.path("out")
+        self.refuse("no output", "synthetic_world")
+        for words, *options in (
+                ("--help", "--colour", 3), ("noise", "--noise", "much"),
+                (["noise is 99", "seed is -1"], "--noise", 99, "--seed", -1),
+                (["'moon'", "corridor"], "--scene", "moon"), ("frames is 0", "--frames", 0),
+                ("both frames and length", "--frames", 5, "--length", 5),
+                ("'zip'", "--format", "zip"), ("choose kitti or bag", "--format", "euroc"),
+                ("choose euroc or bag", "--format", "kitti", "--scene", "indoor"),
+                ("--compression is for bags", "--compression", "lz4"),
+                ("gone.tum", "--path", self.path("gone.tum"))):
+            self.refuse(words, "synthetic_world", out, *options)
+        write(self.path("bad.tum"), "1 2 3\n")
+        self.refuse(["bad.tum", "line 1"], "synthetic_world", out, "--path", self.path("bad.tum"))
+
+    def test_refuses_bad_names(self):
+        for words, name in (("'moon'", "synthetic:moon"), ("'blur'", "synthetic:blur=3"),
+                            ("'noise'", "synthetic:street,noise"),
+                            ("noise is 99", "synthetic:noise=99")):
+            self.refuse(words, "offline_odometry", name, "-o", self.path("out"))
+            self.refuse(words, "dataset_to_bag", name, self.path("out.bag"))
+
+    def test_never_touches_what_it_has_not_written(self):
+        self.refuse("not written by this program", "synthetic_world", self.kitti)
+        self.refuse("calib.txt", "synthetic_world", os.path.join(self.kitti, "calib.txt"))
+        os.rename(self.kitti, self.path("out.part"))
+        self.refuse("out.part", "synthetic_world", self.path("out"))
+
+    def test_refuses_output_that_cannot_be_written(self):
+        self.refuse("cannot be written", "synthetic_world",
+                    os.path.join(self.kitti, "calib.txt", "out"))
+        self.refuse("cannot be written", "synthetic_world", self.path("nix", "out.bag"))
+
+    def test_interruption_leaves_nothing(self):
+        """Neither a new result nor a change of an older one, and the caller sees the signal."""
+        self.make("older")
+        before = self.listing()
+        world = "synthetic:street,frames=1000"
+        for command in (["synthetic_world", self.path("new"), "--frames", 1000],
+                        ["synthetic_world", self.path("older"), "--frames", 1000],
+                        ["synthetic_world", self.path("new.bag"), "--frames", 1000],
+                        ["dataset_to_bag", world, self.path("new.bag")],
+                        ["offline_odometry", world, "-o", self.path("results")]):
+            for number in (signal.SIGINT, signal.SIGTERM):
+                result = self.interrupt(command, number)
+                self.assertEqual(result.returncode, -number)
+                self.assertIn("interrupted", result.stderr)
+                self.assertEqual(self.listing(), before)
+
+    def interrupt(self, command, number):
+        """Sends the signal when something has been written."""
+        before = self.listing()
+        command = [find_program(command[0])] + [str(argument) for argument in command[1:]]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+                              universal_newlines=True) as process:
+            deadline = time.monotonic() + 30.0
+            while self.listing() == before:
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.01)
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=30)
+        return subprocess.CompletedProcess(command, process.returncode, "", errors)
 
 
 class RealDataTest(ToolTest):

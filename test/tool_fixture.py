@@ -151,3 +151,10 @@ class ToolTest(unittest.TestCase):
 
     def assertSameFile(self, name, folder_a, folder_b):
         self.assertEqual(read(os.path.join(folder_a, name)), read(os.path.join(folder_b, name)))
+
+    def assertSameNumbers(self, name, folder_a, folder_b):
+        """As assertSameFile, but for the last digits of numbers."""
+        rows_a, rows_b = (read(os.path.join(folder, name)).split() for folder in (folder_a, folder_b))
+        self.assertEqual(len(rows_a), len(rows_b))
+        for a, b in zip(rows_a, rows_b):
+            self.assertAlmostEqual(float(a), float(b), places=8)

@@ -2,22 +2,15 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "point_line_odometry/input_error.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/trajectory.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
-
-/// Input that a user gave and that cannot be used; what() is one sentence that names the thing and
-/// the cure.
-class InputError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// A folder of stereo images, KITTI odometry layout (image_0, image_1, calib.txt, times.txt,
 /// optionally poses.txt) or EuRoC layout (mav0/cam0, mav0/cam1, optionally

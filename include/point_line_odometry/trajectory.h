@@ -3,7 +3,10 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <iosfwd>
+#include <string>
 #include <vector>
+
+#include "point_line_odometry/input_error.h"
 
 namespace point_line_odometry {
 
@@ -16,6 +19,11 @@ struct StampedPose {
 /// Rows of "stamp tx ty tz qx qy qz qw" [s, m], qw >= 0, nine decimals of the stamp, the same bytes
 /// for the same poses.
 void writeTum(std::ostream& out, const std::vector<StampedPose>& trajectory);
+
+/// Poses of a file in the layout of writeTum(); blank lines and comments (#) are passed over.
+/// Throws InputError if it is missing or empty, or names the row that is not 8 numbers with a unit
+/// quaternion and a later stamp than the row before.
+std::vector<StampedPose> readTum(const std::string& file);
 
 /// Rows of the 12 numbers of the 3 x 4 matrix, row-major [m].
 void writeKitti(std::ostream& out, const std::vector<StampedPose>& trajectory);

@@ -1,5 +1,8 @@
 #include "point_line_odometry/trajectory.h"
 
+#include <array>
+#include <cmath>
+#include <fstream>
 #include <iomanip>
 #include <locale>
 #include <ostream>
@@ -15,6 +18,35 @@ std::ostringstream classicStream() {
   std::ostringstream text;
   text.imbue(std::locale::classic());
   return text;
+}
+
+/// The row's 8 numbers. False if it holds anything else.
+bool parseRow(const std::string& row, std::array<long double, 8>* numbers) {
+  std::istringstream in(row);
+  in.imbue(std::locale::classic());
+  for (long double& number : *numbers) {
+    if (!(in >> number)) return false;
+  }
+  return (in >> std::ws).eof();
+}
+
+/// The pose of a row. Throws InputError with the end of a sentence that begins with the row.
+StampedPose parsePose(const std::string& row) {
+  constexpr long double kMaxStamp_s = 4e9L;  // what a ROS time can hold
+  constexpr double kUnitTolerance = 0.01;
+  std::array<long double, 8> n{};
+  if (!parseRow(row, &n)) throw InputError("is not the 8 numbers 'stamp tx ty tz qx qy qz qw'");
+  if (!(n[0] >= 0.0L) || n[0] > kMaxStamp_s) throw InputError("has no stamp in seconds");
+  const auto number = [&n](std::size_t i) { return static_cast<double>(n[i]); };
+  const Eigen::Quaterniond q(number(7), number(4), number(5), number(6));
+  if (!(std::abs(q.norm() - 1.0) < kUnitTolerance)) throw InputError("has no unit quaternion");
+  StampedPose pose;
+  // A long double holds the nanoseconds since 1970.
+  pose.stamp_ns = std::llround(n[0] * kNanosecondsPerSecond);
+  pose.T_world_camera.linear() = q.normalized().toRotationMatrix();
+  pose.T_world_camera.translation() << number(1), number(2), number(3);
+  if (!pose.T_world_camera.matrix().allFinite()) throw InputError("has no finite position");
+  return pose;
 }
 
 /// Turns -0 into 0, so that equal numbers have equal text.
@@ -38,6 +70,30 @@ void writeTum(std::ostream& out, const std::vector<StampedPose>& trajectory) {
     text << '\n';
   }
   out << text.str();
+}
+
+std::vector<StampedPose> readTum(const std::string& file) {
+  std::ifstream in(file);
+  if (!in) throw InputError("trajectory '" + file + "' cannot be read: check the path");
+  std::vector<StampedPose> poses;
+  std::size_t number = 0;
+  for (std::string row; std::getline(in, row);) {
+    ++number;
+    const std::size_t begin = row.find_first_not_of(" \t\r");
+    if (begin == std::string::npos || row[begin] == '#') continue;
+    try {
+      poses.push_back(parsePose(row));
+      const bool later = poses.size() < 2 || (poses.end() - 2)->stamp_ns < poses.back().stamp_ns;
+      if (!later) throw InputError("is not later than the row before");
+    } catch (const InputError& error) {
+      throw InputError("trajectory '" + file + "', line " + std::to_string(number) + " " +
+                       error.what() + ": give a trajectory in TUM's format");
+    }
+  }
+  if (poses.empty()) {
+    throw InputError("trajectory '" + file + "' has no pose: give rows of 8 numbers, TUM's format");
+  }
+  return poses;
 }
 
 void writeKitti(std::ostream& out, const std::vector<StampedPose>& trajectory) {

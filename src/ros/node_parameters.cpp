@@ -1,19 +1,10 @@
 #include "ros/node_parameters.h"
 
-#include <ros/param.h>
-
-#include <algorithm>
-#include <cmath>
-#include <map>
-#include <sstream>
-#include <stdexcept>
-
 #include "odometry/parameter_checker.h"
+#include "ros/parameter_tree.h"
 
 namespace point_line_odometry {
 namespace {
-
-using XmlRpc::XmlRpcValue;
 
 struct NameCollector {
   std::vector<std::string> names;
@@ -23,74 +14,6 @@ struct NameCollector {
     names.emplace_back(name);
   }
 };
-
-using Leaves = std::map<std::string, XmlRpcValue>;
-
-/// "a/b/c" -> value for the leaves of nested structs.
-Leaves flatten(XmlRpcValue& tree, const std::string& prefix = "") {
-  Leaves leaves;
-  if (tree.getType() != XmlRpcValue::TypeStruct) return leaves;
-  for (auto& entry : tree) {
-    const std::string name = prefix + entry.first;
-    if (entry.second.getType() == XmlRpcValue::TypeStruct) {
-      const Leaves inner = flatten(entry.second, name + "/");
-      leaves.insert(inner.begin(), inner.end());
-    } else {
-      leaves.emplace(name, entry.second);
-    }
-  }
-  return leaves;
-}
-
-/// Takes the values of known names out of the leaves; what stays there is unknown.
-struct LeafReader {
-  Leaves& leaves;
-  std::vector<std::string> errors;
-
-  template <typename T, typename... Rest>
-  void operator()(const char* name, T& value, const Rest&...) {
-    const auto leaf = leaves.find(name);
-    if (leaf == leaves.end()) return;
-    read(name, leaf->second, value);
-    leaves.erase(leaf);
-  }
-
- private:
-  void read(const char* name, XmlRpcValue& leaf, bool& value) {
-    if (expect(name, leaf.getType() == XmlRpcValue::TypeBoolean, "true or false")) value = leaf;
-  }
-
-  void read(const char* name, XmlRpcValue& leaf, int& value) {
-    if (expect(name, leaf.getType() == XmlRpcValue::TypeInt, "a whole number")) value = leaf;
-  }
-
-  void read(const char* name, XmlRpcValue& leaf, double& value) {
-    if (leaf.getType() == XmlRpcValue::TypeInt) {
-      value = static_cast<int>(leaf);
-    } else if (expect(name, leaf.getType() == XmlRpcValue::TypeDouble, "a number")) {
-      value = leaf;
-    }
-  }
-
-  void read(const char* name, XmlRpcValue& leaf, std::string& value) {
-    if (!expect(name, leaf.getType() == XmlRpcValue::TypeString, "a text")) return;
-    value = static_cast<std::string>(leaf);
-  }
-
-  bool expect(const char* name, bool right_type, const char* wanted) {
-    if (!right_type) errors.push_back(std::string(name) + " must be " + wanted);
-    return right_type;
-  }
-};
-
-/// Private parameters that the nodelet library, image transports and diagnostics look up on their
-/// own.
-bool belongsToLibraries(const std::string& name) {
-  const std::string first = name.substr(0, name.find('/'));
-  const auto is = [&](const char* word) { return first == word; };
-  return is("num_worker_threads") || is("diagnostic_period") || is("compressed") ||
-         is("compressedDepth") || is("theora");
-}
 
 }  // namespace
 
@@ -121,32 +44,22 @@ Eigen::Isometry3d initialPose(const NodeParameters& parameters) {
   return T_odom_base;
 }
 
-AllParameters parseParameters(XmlRpc::XmlRpcValue tree) {
+AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree) {
   AllParameters parameters;
-  Leaves leaves = flatten(tree);
-  LeafReader reader{leaves, {}};
-  visitNodeParameters(parameters.node, reader);
-  visitParameters(parameters.core, reader);
-
-  std::vector<std::string> errors = reader.errors;
-  for (const auto& leaf : leaves) {
-    if (!belongsToLibraries(leaf.first)) errors.push_back("unknown parameter ~" + leaf.first);
-  }
-  const auto append = [&errors](const std::vector<std::string>& more) {
+  ParameterTree values(tree);
+  visitNodeParameters(parameters.node, values);
+  visitParameters(parameters.core, values);
+  std::vector<std::string> errors = values.errors();
+  for (const auto& more :
+       {checkNodeParameters(parameters.node), checkParameters(parameters.core)}) {
     errors.insert(errors.end(), more.begin(), more.end());
-  };
-  append(checkNodeParameters(parameters.node));
-  append(checkParameters(parameters.core));
-  if (!errors.empty()) {
-    throw std::runtime_error("parameters cannot be used: " + join(errors, "; "));
   }
+  requireNoParameterErrors(errors);
   return parameters;
 }
 
 AllParameters loadNodeParameters(const ros::NodeHandle& private_nh) {
-  XmlRpc::XmlRpcValue tree;
-  ros::param::get(private_nh.getNamespace(), tree);
-  return parseParameters(tree);
+  return parseParameters(readPrivateParameters(private_nh));
 }
 
 }  // namespace point_line_odometry

@@ -96,7 +96,7 @@ struct AllParameters {
 /// Sets what `tree` (the struct of private parameters, nested as their paths) names. Throws
 /// std::runtime_error with one sentence that names every unknown name, wrong type and value out of
 /// range.
-AllParameters parseParameters(XmlRpc::XmlRpcValue tree);
+AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree);
 
 /// parseParameters() of everything under the private node handle on the parameter server.
 AllParameters loadNodeParameters(const ros::NodeHandle& private_nh);

@@ -8,18 +8,25 @@
 #include <string>
 #include <vector>
 
-#include "point_line_odometry/dataset.h"
+#include "point_line_odometry/input_error.h"
+#include "tools/interruption.h"
 
 namespace point_line_odometry {
 
 /// What a tool returns when the user's input cannot be used.
 constexpr int kExitBadInput = 2;
 
-/// Runs a tool and turns every error into one line on stderr and exit code 2.
+/// Runs a tool and turns every error into one line on stderr and exit code 2. A tool that is
+/// interrupted ends by that signal, after it has taken away what is not whole.
 inline int runTool(const char* name, const std::function<int()>& tool) {
+  noteInterruptions();
   std::string error;
   try {
     return tool();
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "%s: interrupted, nothing is written\n", name);
+    endByInterruption();
+    return kExitBadInput;
   } catch (const boost::program_options::error& caught) {
     error = std::string(caught.what()) + "; see --help";
   } catch (const std::bad_alloc&) {

@@ -1,7 +1,8 @@
 /// \file
-/// Runs the odometry over a bag or a data set folder, as fast as it can and without a ROS master,
-/// and writes the trajectory, a table of all frames and a summary.
+/// Runs the odometry over a bag, a data set folder or the synthetic world, as fast as it can and
+/// without a ROS master, and writes the trajectory, a table of all frames and a summary.
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <iomanip>
@@ -20,6 +21,7 @@
 #include "tools/progress_bar.h"
 #include "tools/run_report.h"
 #include "tools/stereo_source.h"
+#include "tools/synthetic_source.h"
 
 namespace point_line_odometry {
 namespace {
@@ -46,8 +48,10 @@ double elapsed_ms(Clock::time_point since) {
 }
 
 std::unique_ptr<StereoSource> openSource(const Options& options) {
+  if (isSyntheticName(options.input)) return openSynthetic(options.input);
   if (!std::filesystem::exists(options.input)) {
-    throw InputError("input '" + options.input + "' does not exist: name a bag or a folder");
+    throw InputError("input '" + options.input +
+                     "' does not exist: name a bag, a folder or synthetic:SCENE");
   }
   if (!std::filesystem::is_directory(options.input)) {
     const auto interval_ns = static_cast<std::int64_t>(options.max_interval_s * 1e9);
@@ -132,18 +136,35 @@ void writePicture(const std::filesystem::path& folder, std::size_t index, const 
   }
 }
 
+std::string formatTum(const std::vector<StampedPose>& trajectory) {
+  std::ostringstream text;
+  writeTum(text, trajectory);
+  return text.str();
+}
+
+/// The true poses of the time of a run, with those on either side of it.
+std::vector<StampedPose> truthOf(const std::vector<FrameRow>& rows,
+                                 const std::vector<StampedPose>& truth) {
+  if (rows.empty()) return {};
+  const auto earlier = [](const StampedPose& a, const StampedPose& b) {
+    return a.stamp_ns < b.stamp_ns;
+  };
+  auto begin = std::upper_bound(truth.begin(), truth.end(), rows.front().pose, earlier);
+  if (begin != truth.begin()) --begin;
+  auto end = std::lower_bound(begin, truth.end(), rows.back().pose, earlier);
+  if (end != truth.end()) ++end;
+  return {begin, end};
+}
+
 void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputFolder* output) {
   std::vector<StampedPose> trajectory;
   for (const FrameRow& row : rows) trajectory.push_back(row.pose);
-  std::ostringstream tum;
   std::ostringstream kitti;
-  writeTum(tum, trajectory);
   writeKitti(kitti, trajectory);
-  output->write("trajectory.tum", tum.str());
+  output->write("trajectory.tum", formatTum(trajectory));
   output->write("trajectory.kitti", kitti.str());
   output->write("frames.csv", formatFramesCsv(rows));
   output->write("summary.json", formatSummaryJson(rows, info));
-  output->commit();
 }
 
 /// The run for a source. Throws InputError if the calibration of the source cannot be used.
@@ -164,6 +185,7 @@ void process(const Options& options, std::size_t available, OutputFolder* output
   ProgressBar progress("odometry", limit > 0 ? std::min(available, limit) : available,
                        options.quiet);
   while ((limit == 0 || run->rows().size() < limit) && run->step()) {
+    throwIfInterrupted();
     const std::size_t index = run->rows().size() - 1;
     if (every > 0 && index % every == 0) writePicture(pictures, index, run->draw());
     progress.step();
@@ -174,6 +196,7 @@ int runOdometry(const Options& options) {
   const Parameters parameters = readParameters(options);
   const std::unique_ptr<StereoSource> source = openSource(options);
   OfflineRun run = makeRun(*source, parameters, options.input);
+  const std::vector<StampedPose> truth = source->groundTruth();
   OutputFolder output(options.output);
   for (const char* name : {"trajectory.tum", "trajectory.kitti", "frames.csv", "summary.json"}) {
     output.reserve(name);
@@ -182,6 +205,13 @@ int runOdometry(const Options& options) {
   process(options, source->size(), &output, &run);
   const RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0};
   writeReport(run.rows(), info, &output);
+  if (truth.empty()) {
+    output.discard("groundtruth.tum");
+  } else {
+    output.reserve("groundtruth.tum");
+    output.write("groundtruth.tum", formatTum(truthOf(run.rows(), truth)));
+  }
+  output.commit();
   if (!options.quiet) std::cout << formatTable(run.rows(), info);
   return 0;
 }
@@ -213,9 +243,12 @@ int runCommandLine(int argc, char** argv) {
   const po::variables_map values = parseArguments(argc, argv, all, {"input"});
   if (values.count("help") > 0) {
     std::cout << "usage: offline_odometry INPUT -o DIR [options]\n\n"
-                 "Runs the stereo odometry over INPUT, a bag or the folder of a KITTI or EuRoC\n"
-                 "sequence, and writes to DIR: trajectory.tum, trajectory.kitti, frames.csv and\n"
-                 "summary.json. Poses are of the left camera, the first one is the identity.\n\n"
+                 "Runs the stereo odometry over INPUT, a bag, the folder of a KITTI or EuRoC\n"
+                 "sequence or the synthetic world, and writes to DIR: trajectory.tum,\n"
+                 "trajectory.kitti, frames.csv, summary.json and, where the true motion is known,\n"
+                 "groundtruth.tum. Poses are of the left camera, the first estimate is identity.\n"
+                 "The synthetic world: synthetic:SCENE[,name=value ...], for example\n"
+                 "synthetic:street,seed=7,frames=400; 'synthetic_world --help' has the options.\n\n"
               << visible;
     return 0;
   }

@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "point_line_odometry/dataset.h"
+#include "odometry/parameter_checker.h"
+#include "point_line_odometry/input_error.h"
 #include "point_line_odometry/parameters.h"
 
 namespace point_line_odometry {
@@ -60,33 +61,41 @@ inline Parameters applySettings(Parameters parameters, const std::vector<std::st
                        "': --print-parameters shows those there are");
     }
   }
-  std::string errors;
-  for (const std::string& error : checkParameters(parameters)) {
-    errors += (errors.empty() ? "" : "; ") + error;
-  }
-  if (!errors.empty()) throw InputError("parameters do not fit: " + errors);
+  const std::vector<std::string> errors = checkParameters(parameters);
+  if (!errors.empty()) throw InputError("parameters do not fit: " + join(errors, "; "));
   return parameters;
 }
 
-/// Rows of a Markdown table, one per parameter: name, default, range, unit, text.
-struct ParameterTable {
-  std::ostringstream rows;
+/// A parameter in words.
+struct ParameterRow {
+  std::string name;
+  std::string value;
+  std::string range;
+  std::string unit;
+  std::string text;
+};
+
+/// Visitor of a parameter table that puts each parameter into words.
+struct ParameterRows {
+  std::vector<ParameterRow> rows;
 
   void operator()(const char* name, bool value, const char* text) {
-    row(name, value ? "true" : "false", "true, false", "", text);
+    rows.push_back({name, value ? "true" : "false", "true, false", "", text});
+  }
+
+  void operator()(const char* name, const std::string& value, const char* text) {
+    rows.push_back({name, value, "", "", text});
   }
 
   template <typename T>
   void operator()(const char* name, T value, T minimum, T maximum, const char* unit,
                   const char* text) {
-    row(name, format(value), format(minimum) + " ... " + format(maximum), unit, text);
+    rows.push_back({name, format(value), format(minimum) + " ... " + format(maximum), unit, text});
   }
 
   void operator()(const char* name, const std::string& value,
                   const std::vector<std::string>& choices, const char* text) {
-    std::string range;
-    for (const std::string& choice : choices) range += (range.empty() ? "" : ", ") + choice;
-    row(name, value, range, "", text);
+    rows.push_back({name, value, join(choices, ", "), "", text});
   }
 
  private:
@@ -97,20 +106,24 @@ struct ParameterTable {
     text << value;
     return text.str();
   }
-
-  void row(const std::string& name, const std::string& value, const std::string& range,
-           const char* unit, const char* text) {
-    rows << "| `" << name << "` | " << value << " | " << range << " | " << unit << " | " << text
-         << " |\n";
-  }
 };
+
+/// A table in Markdown.
+inline std::string formatMarkdownTable(const std::vector<ParameterRow>& rows) {
+  std::string table = "| name | default | range | unit | meaning |\n|---|---|---|---|---|\n";
+  for (const ParameterRow& row : rows) {
+    table += "| `" + row.name + "` | " + row.value + " | " + row.range + " | " + row.unit + " | " +
+             row.text + " |\n";
+  }
+  return table;
+}
 
 /// The core's parameters with their defaults as a table in Markdown.
 inline std::string formatParameterTable() {
-  ParameterTable table;
+  ParameterRows table;
   const Parameters defaults;
   visitParameters(defaults, table);
-  return "| name | default | range | unit | meaning |\n|---|---|---|---|---|\n" + table.rows.str();
+  return formatMarkdownTable(table.rows);
 }
 
 }  // namespace point_line_odometry

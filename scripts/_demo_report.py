@@ -1,0 +1,315 @@
+"""What the demo shows of its recordings: trajectories, figures, the table and the pictures."""
+import csv
+import io
+import json
+import os
+from typing import Any, Dict, List, NamedTuple, Optional
+
+import numpy as np
+import rosbag
+
+from _sequences import load_evaluation, write_text
+
+evaluation = load_evaluation()
+
+ODOMETRY = '/stereo/odom'
+TRUTH = '/ground_truth/odom'
+INFO = '/stereo/info'
+IMAGE = '/stereo/features_image'
+STATES = ('INITIALIZING', 'OK', 'DEGRADED', 'LOST')
+
+SCENE_FILES = ('trajectory.png', 'features.png', 'errors.png', 'times.png', 'estimate.tum',
+               'groundtruth.tum')
+SUMMARY_FILES = ('overview.png', 'results.csv', 'results.json')
+
+# Rows of the table: figure, meaning, decimals.
+ROWS = [('frames', 'frames', 0), ('path_m', 'path length [m]', 1),
+        ('short_t_rel', 'translation error over 5-50 m [%]', 2),
+        ('short_r_rel', 'rotation error over 5-50 m [deg/100 m]', 2),
+        ('t_rel', 'translation error over 100-800 m [%]', 2),
+        ('r_rel', 'rotation error over 100-800 m [deg/100 m]', 2),
+        ('ate_m', 'absolute trajectory error, RMSE [m]', 4),
+        ('end_percent', 'end error [% of the path]', 2),
+        ('frame_deg', 'rotation error per frame, RMSE [deg]', 4),
+        ('time_ms', 'time per frame, median [ms]', 1),
+        ('ok', 'frames OK', 0), ('degraded', 'frames DEGRADED', 0), ('lost', 'frames LOST', 0)]
+
+NOTE = 'Times are those of the odometry alone, while the next images are rendered beside it.'
+
+
+class SceneError(Exception):
+    """Why a scene has no result, or only a part of one; the text is one sentence."""
+
+
+class Recording(NamedTuple):
+    """What a bag has: lines of TUM files by stamp [ns], what the odometry said of each frame, and
+    a picture (height, width, 3) RGB if there is one."""
+    estimate: Dict[int, str]
+    truth: Dict[int, str]
+    infos: List[Any]
+    picture: Optional[np.ndarray]
+
+
+class Scene(NamedTuple):
+    """A scene's results: figures of the table, evaluate_trajectory's result and matched poses, and
+    the recording."""
+    figures: Dict[str, Any]
+    scores: Dict[str, Any]
+    matches: Any
+    recording: Recording
+
+
+def file_names(scenes: List[str]) -> List[str]:
+    """All files that a demo of these scenes writes."""
+    return [f'{scene}_{name}' for scene in scenes for name in SCENE_FILES] + list(SUMMARY_FILES)
+
+
+def tum_line(message: Any) -> str:
+    """A nav_msgs/Odometry as a line of a TUM file: stamp, position, quaternion x y z w."""
+    stamp, pose = message.header.stamp, message.pose.pose
+    numbers = [pose.position.x, pose.position.y, pose.position.z, pose.orientation.x,
+               pose.orientation.y, pose.orientation.z, pose.orientation.w]
+    return f'{stamp.secs}.{stamp.nsecs:09} ' + ' '.join(f'{number:.9f}' for number in numbers)
+
+
+def to_picture(message: Any) -> np.ndarray:
+    """A bgr8 sensor_msgs/Image as an array (height, width, 3) RGB."""
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+    return rows[:, :3 * message.width].reshape(message.height, message.width, 3)[:, :, ::-1]
+
+
+def read_recording(path: str) -> Recording:
+    """Reads a bag by the stamps in the messages' headers."""
+    recording = Recording({}, {}, [], None)
+    with rosbag.Bag(path) as bag:
+        for topic, message, _ in bag.read_messages([ODOMETRY, TRUTH, INFO, IMAGE]):
+            stamp_ns = message.header.stamp.to_nsec()
+            if topic == ODOMETRY:
+                recording.estimate[stamp_ns] = tum_line(message)
+            elif topic == TRUTH:
+                recording.truth[stamp_ns] = tum_line(message)
+            elif topic == INFO:
+                recording.infos.append(message)
+            else:
+                recording = recording._replace(picture=to_picture(message))
+    return recording
+
+
+def write_tum(path: str, lines: Dict[int, str]) -> None:
+    """Writes the lines in the order of their stamps."""
+    write_text(path, '\n'.join(lines[stamp_ns] for stamp_ns in sorted(lines)) + '\n')
+
+
+def count_missing(recording: Recording, frames: int) -> int:
+    """How many frames have no estimate: of so many, or with 0 of those until the last estimate."""
+    if frames:
+        return frames - len(recording.estimate)
+    latest = max(recording.estimate, default=0)
+    return sum(1 for stamp in recording.truth if stamp <= latest) - len(recording.estimate)
+
+
+def score(recording: Recording, frames: int, truth_path: str, estimate_path: str) -> Scene:
+    """The figures of a recording; the trajectories are in these files already."""
+    arguments = ['--groundtruth', truth_path, '--estimate', estimate_path]
+    try:
+        matches, scores = evaluation.run(evaluation.parse_arguments(arguments))
+    except evaluation.InputError as error:
+        raise SceneError(f'the trajectory cannot be evaluated: {error}')
+    states = [STATES[info.state] for info in recording.infos]
+    figures = {
+        'frames': len(recording.estimate), 'missing': count_missing(recording, frames),
+        'path_m': scores['path_length_m'],
+        'short_t_rel': scores['short']['t_rel_percent'],
+        'short_r_rel': scores['short']['r_rel_deg_per_100m'],
+        't_rel': scores['kitti']['t_rel_percent'],
+        'r_rel': scores['kitti']['r_rel_deg_per_100m'],
+        'ate_m': scores['ate_m']['rmse'], 'end_percent': scores['end_error']['percent_of_path'],
+        'frame_deg': scores['per_frame']['rotation_rmse_deg'],
+        'time_ms': float(np.median([info.total_ms for info in recording.infos])),
+        **{name.lower(): states.count(name) for name in STATES}}
+    return Scene(figures, scores, matches, recording)
+
+
+def find_problems(name: str, scene: Scene) -> List[str]:
+    """Sentences on what should not be."""
+    problems = []
+    figures = scene.figures
+    if figures['missing']:
+        problems.append(f'{name}: {figures["missing"]} frames are missing in the odometry; '
+                        'see its log above')
+    if figures['lost']:
+        reasons = sorted({info.reason for info in scene.recording.infos
+                          if STATES[info.state] == 'LOST'})
+        problems.append(f'{name}: the odometry was lost in {figures["lost"]} frames '
+                        f'({", ".join(reasons)})')
+    return problems
+
+
+def number(value: Any, decimals: int) -> str:
+    """A cell of the table."""
+    return '-' if value is None else f'{value:.{decimals}f}'
+
+
+def format_table(scenes: Dict[str, Scene]) -> str:
+    """The figures as aligned text, a column for a scene; rows that no scene has are left away."""
+    width = max(len(text) for _, text, _ in ROWS) + 2
+    lines = [' ' * width + ''.join(f'{name:>10}' for name in scenes)]
+    for key, text, decimals in ROWS:
+        values = [scene.figures[key] for scene in scenes.values()]
+        if any(value is not None for value in values):
+            lines.append(f'{text:<{width}}'
+                         + ''.join(f'{number(value, decimals):>10}' for value in values))
+    return '\n'.join(lines + ['', NOTE])
+
+
+def stage_times(infos: List[Any]) -> Dict[str, np.ndarray]:
+    """Times of each stage over the frames [ms], and the rest of the total."""
+    times = {name.replace('_', ' '): np.array([info.stage_ms[i] for info in infos])
+             for i, name in enumerate(infos[0].stage_names)}
+    total = np.array([info.total_ms for info in infos])
+    times['rest'] = np.maximum(total - sum(times.values()), 0.0)
+    return times
+
+
+def draw_times(axes: Any, infos: List[Any]) -> None:
+    """Times per frame as a stack of the stages."""
+    times = stage_times(infos)
+    labels = [f'{name}, {np.median(values):.1f}' for name, values in times.items()]
+    axes.stackplot(np.arange(len(infos)), *times.values(), labels=labels, linewidth=0.0)
+    total = sum(times.values())
+    axes.axhline(np.median(total), color='k', linestyle='--', linewidth=1.0,
+                 label=f'total, {np.median(total):.1f}')
+    axes.set(xlabel='frame', ylabel='time [ms]', ylim=(0, 1.5 * np.percentile(total, 98)))
+    axes.margins(x=0)
+    axes.grid(True, linewidth=0.5, alpha=0.5)
+
+
+def plot_times(infos: List[Any]) -> Any:
+    """Figure of the times: a box for each stage and the total, and their stack over the frames."""
+    from matplotlib.figure import Figure
+    times = stage_times(infos)
+    times['total'] = sum(times.values())
+    figure = Figure(figsize=(9.0, 6.4), dpi=130, constrained_layout=True)
+    grid = figure.add_gridspec(2, 1)
+    axes = figure.add_subplot(grid[0, 0])
+    axes.boxplot(list(times.values())[::-1], vert=False, widths=0.6, showfliers=False)
+    axes.set_yticklabels([f'{name}, {np.median(values):.1f} ms'
+                          for name, values in times.items()][::-1])
+    axes.set_xlabel('time [ms]; box: half of the frames, line: median')
+    axes.set_xlim(left=0)
+    axes.grid(True, axis='x', linewidth=0.5, alpha=0.5)
+    axes = figure.add_subplot(grid[1, 0])
+    draw_times(axes, infos)
+    axes.legend(loc='center left', bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8,
+                title='median [ms]')
+    return figure
+
+
+def draw_trajectory(axes: Any, matches: Any) -> None:
+    """Both trajectories from above, first poses aligned."""
+    truth = matches.truth[:, :2, 3]
+    estimate = evaluation.align_first(matches)[:, :2, 3]
+    axes.plot(*estimate.T, color='tab:blue', linewidth=2.0, label='estimate')
+    axes.plot(*truth.T, 'k--', linewidth=1.2, label='ground truth')
+    axes.plot(*truth[0], 'o', color='tab:green', markersize=7, label='start')
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.set(xlabel='x [m]', ylabel='y [m]')
+    axes.grid(True, linewidth=0.5, alpha=0.5)
+
+
+def draw_scene(figure: Any, cells: List[Any], name: str, scene: Scene) -> None:
+    """A row of the poster."""
+    axes = figure.add_subplot(cells[0])
+    axes.axis('off')
+    axes.set_anchor('W')
+    axes.set_title(describe(name, scene), loc='left')
+    if scene.recording.picture is not None:
+        axes.imshow(scene.recording.picture, interpolation='antialiased')
+    axes = figure.add_subplot(cells[1])
+    draw_trajectory(axes, scene.matches)
+    axes.legend(loc='best', fontsize=8)
+    rows = scene.scores['short']['per_length'] + scene.scores['kitti']['per_length']
+    errors = cells[2].subgridspec(2, 1)
+    for cell, key, label in ((errors[0, 0], 't_rel_percent', 'translation [%]'),
+                             (errors[1, 0], 'r_rel_deg_per_100m', 'rotation [deg/100 m]')):
+        axes = figure.add_subplot(cell)
+        evaluation.plot_segment_errors(axes, rows, key, label)
+        for text in (axes.yaxis.label, *axes.texts):
+            text.set_fontsize(8)
+    axes = figure.add_subplot(cells[3])
+    draw_times(axes, scene.recording.infos)
+    axes.legend(loc='upper center', ncol=2, fontsize=8, title='median [ms]', title_fontsize=8)
+
+
+def plot_overview(scenes: Dict[str, Scene]) -> Any:
+    """A poster: a row for a scene with an image, the trajectories, the errors and the times."""
+    from matplotlib.figure import Figure
+
+    def height(scene: Scene) -> float:
+        """Enough for an image of 8 inches' width, and not too little for the rest."""
+        picture = scene.recording.picture
+        shape = (1, 3) if picture is None else picture.shape
+        return min(max(8.0 * shape[0] / shape[1] + 0.8, 3.6), 4.8)
+    heights = [height(scene) for scene in scenes.values()]
+    figure = Figure(figsize=(20.0, sum(heights) + 0.6), dpi=110, constrained_layout=True)
+    figure.suptitle('point_line_odometry: stereo visual odometry with points and line segments, in '
+                    'synthetic worlds', fontsize=18)
+    grid = figure.add_gridspec(len(scenes), 4, width_ratios=[2.4, 1.3, 1.0, 1.3],
+                               height_ratios=heights)
+    for row, (name, scene) in enumerate(scenes.items()):
+        draw_scene(figure, [grid[row, column] for column in range(4)], name, scene)
+    return figure
+
+
+def describe(name: str, scene: Scene) -> str:
+    """A scene's figures in two lines."""
+    figures = scene.figures
+    end = number(figures['end_percent'], 2)
+    return (f'{name}: {figures["frames"]} frames, {figures["path_m"]:.0f} m, '
+            f'{figures["time_ms"]:.0f} ms per frame\n'
+            f'end error {end} % of the path, absolute trajectory error {figures["ate_m"]:.3f} m')
+
+
+def write_figure(path: str, figure: Any) -> None:
+    """Writes a figure as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    evaluation.write_atomically(path, FigureCanvasAgg(figure).print_png)
+
+
+def report_scene(name: str, frames: int, bag: str, folder: str) -> Scene:
+    """Writes a scene's files; its results. SceneError if there are no two frames."""
+    recording = read_recording(bag)
+    if min(len(recording.estimate), len(recording.truth), len(recording.infos)) < 2:
+        raise SceneError(f'the odometry answered only {len(recording.estimate)} frames')
+    prefix = os.path.join(folder, name + '_')
+    write_tum(prefix + 'estimate.tum', recording.estimate)
+    write_tum(prefix + 'groundtruth.tum', recording.truth)
+    scene = score(recording, frames, prefix + 'groundtruth.tum', prefix + 'estimate.tum')
+    write_figure(prefix + 'trajectory.png', evaluation.plot_trajectory(scene.matches))
+    write_figure(prefix + 'errors.png', evaluation.plot_errors(scene.matches, scene.scores))
+    write_figure(prefix + 'times.png', plot_times(recording.infos))
+    if recording.picture is not None:
+        from matplotlib.image import imsave
+        imsave(prefix + 'features.png', recording.picture)
+    return scene
+
+
+def format_csv(scenes: Dict[str, Scene]) -> str:
+    """results.csv: a row for every scene."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator='\n')
+    keys = ['missing'] + [key for key, _, _ in ROWS]
+    writer.writerow(['scene'] + keys)
+    for name, scene in scenes.items():
+        writer.writerow([name] + [scene.figures[key] for key in keys])
+    return stream.getvalue()
+
+
+def write_summaries(scenes: Dict[str, Scene], folder: str) -> None:
+    """Writes the files that tell of all scenes."""
+    content = {name: {**scene.figures, 'per_length': scene.scores['short']['per_length']
+                      + scene.scores['kitti']['per_length']} for name, scene in scenes.items()}
+    write_text(os.path.join(folder, 'results.json'),
+               json.dumps(content, indent=2, allow_nan=False) + '\n')
+    write_text(os.path.join(folder, 'results.csv'), format_csv(scenes))
+    write_figure(os.path.join(folder, 'overview.png'), plot_overview(scenes))

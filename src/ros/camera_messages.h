@@ -1,0 +1,60 @@
+#pragma once
+
+/// \file
+/// What a stereo camera publishes, made of the core's values; shared by the bags that the tools
+/// write and by the synthetic camera. Free functions that need no node.
+///
+/// base_link (x forward, y left, z up) lies at the centre of the left camera; base_link ->
+/// left_camera is only the rotation from body to optical axes. For raw images left_camera is the
+/// camera that took the images, before rectification.
+
+#include <geometry_msgs/TransformStamped.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/Header.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "point_line_odometry/rectification.h"
+
+namespace point_line_odometry {
+
+/// Names of the frames of a stereo camera on its robot.
+struct CameraFrameNames {
+  std::string odom = "odom";
+  std::string base = "base_link";
+  std::string left = "left_camera";
+  std::string right = "right_camera";
+};
+
+/// Shifts stamps that begin at 0, which is no time in ROS, by one second.
+class StampShift {
+ public:
+  explicit StampShift(std::int64_t first_stamp_ns);
+
+  bool shifts() const { return shift_ns_ > 0; }
+  ros::Time toRos(std::int64_t stamp_ns) const;
+
+ private:
+  std::int64_t shift_ns_;
+};
+
+std_msgs::Header makeHeader(const std::string& frame, const ros::Time& stamp);
+
+/// The image as mono8, in memory of its own. \param image CV_8UC1.
+sensor_msgs::ImagePtr toImageMessage(const cv::Mat& image, const std_msgs::Header& header);
+
+/// Topic name of a camera's images within its namespace.
+const char* imageTopicName(bool needs_rectification);
+
+/// base -> left camera -> right camera.
+std::vector<geometry_msgs::TransformStamped> toMountingTransforms(
+    const StereoCalibration& calibration, const CameraFrameNames& names, const ros::Time& stamp);
+
+/// Pose of the base relative to its first one, from the same of the left camera.
+Eigen::Isometry3d toBasePose(const Eigen::Isometry3d& T_first_camera);
+
+}  // namespace point_line_odometry

@@ -1,0 +1,280 @@
+#include "ros/synthetic_stereo_nodelet.h"
+
+#include <image_transport/image_transport.h>
+#include <ros/init.h>
+#include <rosgraph_msgs/Clock.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "ros/conversions.h"
+#include "ros/parameter_tree.h"
+
+namespace point_line_odometry {
+namespace {
+
+using std::chrono::duration;
+using std::chrono::duration_cast;
+
+constexpr std::uint32_t kQueueSize = 10;
+constexpr double kReportPeriod_s = 10.0;
+/// How often it is asked whether somebody listens.
+constexpr std::chrono::milliseconds kPoll{50};
+/// How long nobody is told that the camera waits for listeners.
+constexpr std::chrono::seconds kPatience{5};
+/// How long an answer in lockstep is waited for, of real time.
+constexpr std::chrono::seconds kAnswerTimeout{2};
+/// What the last messages are given to leave the process before it ends.
+constexpr std::chrono::seconds kFlush{1};
+
+/// Throws std::runtime_error unless the clock of this process is the one that the stamps need.
+void requireClock(bool publish_clock) {
+  if (publish_clock && ros::Time::isSystemTime()) {
+    throw std::runtime_error(
+        "publish_clock is true, but this process runs on the wall clock: set /use_sim_time to "
+        "true before it starts");
+  }
+  if (!publish_clock && ros::Time::isSimTime()) {
+    throw std::runtime_error(
+        "/use_sim_time is true, but publish_clock is not: set publish_clock, or /use_sim_time to "
+        "false before the process starts");
+  }
+}
+
+}  // namespace
+
+SyntheticStereoNodelet::~SyntheticStereoNodelet() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopped_ = true;
+  }
+  changed_.notify_all();
+  if (worker_.joinable()) worker_.join();
+  answers_.shutdown();
+}
+
+void SyntheticStereoNodelet::onInit() {
+  try {
+    start(parseSyntheticStereoParameters(readPrivateParameters(getPrivateNodeHandle())));
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s does not start: %s", getName().c_str(), error.what());
+    throw;
+  }
+}
+
+void SyntheticStereoNodelet::start(const SyntheticStereoParameters& parameters) {
+  parameters_ = parameters;
+  requireClock(parameters_.publish_clock);
+  names_ = {parameters_.odom_frame_id, parameters_.base_frame_id, parameters_.left_frame_id,
+            parameters_.right_frame_id};
+  world_ = std::make_unique<SyntheticWorld>(parameters_.world);
+  time_of_first_frame_ = parameters_.publish_clock ? StampShift(0).toRos(0) : ros::Time::now();
+  advertise();
+  const CameraCalibration& left = world_->calibration().left;
+  NODELET_INFO("%s, seed %d: %d x %d pixels at %g frames/s on %s", parameters_.world.scene.c_str(),
+               parameters_.world.seed, left.width, left.height, world_->frameRate_hz(),
+               cameras_[0].images.getTopic().c_str());
+  worker_ = std::thread(&SyntheticStereoNodelet::work, this);
+}
+
+void SyntheticStereoNodelet::advertise() {
+  ros::NodeHandle& nh = getNodeHandle();
+  image_transport::ImageTransport transport(nh);
+  const std::string image = imageTopicName(world_->needsRectification());
+  const auto camera = [&](const std::string& side, const std::string& frame) {
+    return Camera{transport.advertise(side + "/" + image, kQueueSize),
+                  nh.advertise<sensor_msgs::CameraInfo>(side + "/camera_info", kQueueSize), frame};
+  };
+  cameras_ = {camera("left", names_.left), camera("right", names_.right)};
+  ground_truth_ = std::make_unique<GroundTruthPublisher>(
+      nh, names_, static_cast<std::size_t>(parameters_.path_max_length));
+  broadcaster_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
+  broadcaster_->sendTransform(
+      toMountingTransforms(world_->calibration(), names_, time_of_first_frame_));
+  if (parameters_.publish_clock) clock_ = nh.advertise<rosgraph_msgs::Clock>("/clock", kQueueSize);
+  if (!parameters_.lockstep_topic.empty()) {
+    answers_ = nh.subscribe(parameters_.lockstep_topic, kQueueSize,
+                            &SyntheticStereoNodelet::takeAnswer, this);
+  }
+}
+
+void SyntheticStereoNodelet::takeAnswer(const nav_msgs::OdometryConstPtr& answer) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  last_answer_ = answer->header.stamp;
+  changed_.notify_all();
+}
+
+/// An exception that left this thread would end every nodelet of the manager.
+void SyntheticStereoNodelet::work() {
+  try {
+    run();
+  } catch (const std::exception& error) {
+    NODELET_ERROR("the synthetic camera has stopped: %s", error.what());
+  } catch (...) {
+    NODELET_ERROR("the synthetic camera has stopped after an exception of an unknown type");
+  }
+}
+
+void SyntheticStereoNodelet::run() {
+  if (!waitToBegin()) return;
+  due_ = Clock::now();
+  if (!parameters_.publish_clock) time_of_first_frame_ = ros::Time::now();
+  const auto end = static_cast<std::size_t>(parameters_.frames);
+  for (std::size_t frame = 0; end == 0 || frame < end; frame = nextFrame(frame)) {
+    if (!showFrame(frame)) return;
+  }
+  finish();
+}
+
+/// False if the nodelet is to end.
+bool SyntheticStereoNodelet::waitToBegin() {
+  const Clock::time_point patience_ends = Clock::now() + kPatience;
+  while (parameters_.wait_for_subscribers) {
+    const std::string missing = missingListeners();
+    if (missing.empty()) break;
+    if (Clock::now() > patience_ends) {
+      NODELET_INFO_STREAM_THROTTLE(kReportPeriod_s, "waiting to begin until there is " << missing);
+    }
+    if (!standStillUntil(Clock::now() + kPoll)) return false;
+  }
+  const auto delay = duration_cast<Clock::duration>(duration<double>(parameters_.delay_s));
+  for (const Clock::time_point begin = Clock::now() + delay; Clock::now() < begin;) {
+    if (!standStillUntil(std::min(begin, Clock::now() + kPoll))) return false;
+  }
+  return true;
+}
+
+/// Simulated time is there, but does not go on. False if the nodelet is to end.
+bool SyntheticStereoNodelet::standStillUntil(Clock::time_point time) {
+  publishClock(time_of_first_frame_);
+  return sleepUntil(time);
+}
+
+/// What keeps the first frame from being complete for somebody, in words; empty if nothing does.
+std::string SyntheticStereoNodelet::missingListeners() const {
+  for (const Camera& camera : cameras_) {
+    if (camera.images.getNumSubscribers() == 0) {
+      return "a subscriber of " + camera.images.getTopic();
+    }
+    if (camera.infos.getNumSubscribers() == 0) return "a subscriber of " + camera.infos.getTopic();
+  }
+  if (answers_ && answers_.getNumPublishers() == 0) {
+    return "a publisher of " + answers_.getTopic() + " (lockstep_topic)";
+  }
+  return {};
+}
+
+/// Renders a frame, waits for its time and publishes it. False if the nodelet is to end.
+bool SyntheticStereoNodelet::showFrame(std::size_t frame) {
+  std::optional<StereoImages> images;
+  if (somebodyWantsImages()) images = world_->render(frame);
+  if (!waitForAnswer() || !waitUntilDue(world_->pose(frame).stamp_ns)) return false;
+  publish(frame, images);
+  return true;
+}
+
+/// The one after it, or in real time the first one whose time has not passed.
+std::size_t SyntheticStereoNodelet::nextFrame(std::size_t frame) {
+  if (parameters_.publish_clock) return frame + 1;
+  const double late_s = duration<double>(Clock::now() - due_).count();
+  const double late_frames = std::max(1.0, std::ceil(late_s * world_->frameRate_hz()));
+  const std::size_t next = frame + static_cast<std::size_t>(late_frames);
+  num_skipped_ += next - frame - 1;
+  if (num_skipped_ > 0) {
+    NODELET_WARN_STREAM_THROTTLE(kReportPeriod_s, "this computer is too slow to render "
+                                                      << world_->frameRate_hz()
+                                                      << " frames/s: " << num_skipped_ << " of "
+                                                      << next << " frames skipped so far; lower "
+                                                      << "frame_rate_hz, or set publish_clock");
+  }
+  return next;
+}
+
+void SyntheticStereoNodelet::publish(std::size_t frame, const std::optional<StereoImages>& images) {
+  const std::array<StampedPose, 3> poses = {world_->pose(frame > 0 ? frame - 1 : 0),
+                                            world_->pose(frame), world_->pose(frame + 1)};
+  const ros::Time stamp = toRosTime(poses[1].stamp_ns);
+  publishClock(stamp);
+  const StereoCalibration& calibration = world_->calibration();
+  publishCamera(cameras_[0], calibration.left, images ? &images->left : nullptr, stamp);
+  publishCamera(cameras_[1], calibration.right, images ? &images->right : nullptr, stamp);
+  ground_truth_->publish(stamp, poses);
+  if (images && answers_) unanswered_ = stamp;
+}
+
+void SyntheticStereoNodelet::publishCamera(const Camera& camera,
+                                           const CameraCalibration& calibration,
+                                           const cv::Mat* image, const ros::Time& stamp) {
+  const std_msgs::Header header = makeHeader(camera.frame, stamp);
+  camera.infos.publish(
+      boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(calibration, header)));
+  if (image) camera.images.publish(toImageMessage(*image, header));
+}
+
+void SyntheticStereoNodelet::publishClock(const ros::Time& time) {
+  if (!clock_) return;
+  rosgraph_msgs::Clock clock;
+  clock.clock = time;
+  clock_.publish(clock);
+}
+
+bool SyntheticStereoNodelet::somebodyWantsImages() const {
+  return std::any_of(cameras_.begin(), cameras_.end(),
+                     [](const Camera& camera) { return camera.images.getNumSubscribers() > 0; });
+}
+
+void SyntheticStereoNodelet::finish() {
+  if (!waitForAnswer()) return;
+  ground_truth_->publishPath();
+  NODELET_INFO("all %d frames are done", parameters_.frames);
+  if (parameters_.exit_when_done && sleepUntil(Clock::now() + kFlush)) ros::requestShutdown();
+}
+
+/// Real time: when a camera would have taken it. Simulated time: never faster than `rate`, but a
+/// delay is not made up for. False if the nodelet is to end.
+bool SyntheticStereoNodelet::waitUntilDue(std::int64_t stamp_ns) {
+  const std::chrono::nanoseconds step(stamp_ns - last_stamp_ns_);
+  last_stamp_ns_ = stamp_ns;
+  due_ += duration_cast<Clock::duration>(duration<double>(step) / parameters_.rate);
+  if (parameters_.publish_clock) due_ = std::max(due_, Clock::now());
+  return sleepUntil(due_);
+}
+
+/// Waits until the frame published last is answered, but not forever. False if the nodelet is to
+/// end.
+bool SyntheticStereoNodelet::waitForAnswer() {
+  if (!unanswered_) return true;
+  const ros::Time stamp = *unanswered_;
+  unanswered_.reset();
+  const Clock::time_point latest = Clock::now() + kAnswerTimeout;
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!stopped_ && last_answer_ != stamp && answers_.getNumPublishers() > 0) {
+    if (Clock::now() > latest) {
+      NODELET_WARN_THROTTLE(kReportPeriod_s, "no answer on %s to a frame: going on without it",
+                            answers_.getTopic().c_str());
+      break;
+    }
+    changed_.wait_for(lock, kPoll);
+  }
+  return !stopped_;
+}
+
+/// False if the nodelet is to end.
+bool SyntheticStereoNodelet::sleepUntil(Clock::time_point time) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  return !changed_.wait_until(lock, time, [this] { return stopped_; });
+}
+
+ros::Time SyntheticStereoNodelet::toRosTime(std::int64_t stamp_ns) const {
+  ros::Duration since_first;
+  since_first.fromNSec(stamp_ns);
+  return time_of_first_frame_ + since_first;
+}
+
+}  // namespace point_line_odometry
+
+PLUGINLIB_EXPORT_CLASS(point_line_odometry::SyntheticStereoNodelet, nodelet::Nodelet)
