@@ -20,7 +20,7 @@ REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 WORKSPACE = os.path.join(REPOSITORY, '.workspace')
 END_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 FRAMES = {'street': 400, 'indoor': 500, 'corridor': 500}
-TAIL_LINES = 15
+EXCERPT_LINES = 15
 LINE_PERIOD_S = 10.0
 
 EPILOG = """\
@@ -138,11 +138,12 @@ def has_display() -> bool:
     return bool(display)
 
 
-def tail(text: str) -> str:
-    """The last lines of a text that are not empty, indented, without a terminal's colours."""
-    plain = re.sub('\033(\\[[0-9;]*m|\\][^\007]*\007)', '', text)
+def excerpt(log: str) -> str:
+    """The lines of a log that tell of errors, else its last ones; indented, without colours."""
+    plain = re.sub('\033(\\[[0-9;]*m|\\][^\007]*\007)', '', log)
     lines = [line.rstrip() for line in plain.splitlines() if line.strip()]
-    return ''.join(f'  {line}\n' for line in lines[-TAIL_LINES:])
+    errors = [line for line in lines if re.search('error|fatal|has died', line, re.IGNORECASE)]
+    return ''.join(f'  {line}\n' for line in (errors or lines)[-EXCERPT_LINES:])
 
 
 def install(display: Display) -> None:
@@ -176,7 +177,7 @@ def build(display: Display) -> None:
             process.communicate()
     if process.returncode != 0:
         with open(log_path, encoding='utf-8') as log:
-            complain(tail(log.read()))
+            complain(excerpt(log.read()))
         raise DemoError(f'the build failed: see {log_path}')
 
 
@@ -222,7 +223,7 @@ def run_scenes(options: argparse.Namespace, display: Display, scratch: str) -> L
             display.say(summary)
             problems.extend(report.find_problems(scene, results[scene]))
         except report.SceneError as error:
-            display.say(f'{scene} failed; the log ends with\n{tail(graph.log(scene))}')
+            display.say(f'{scene} failed; from the log:\n{excerpt(graph.log(scene))}')
             problems.append(f'{scene}: {error}; see {keep_log(scene, graph.log(scene))}')
 
     try:

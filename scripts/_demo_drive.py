@@ -80,9 +80,9 @@ def free_port() -> int:
 
 def launch_command(drive: Drive) -> List[str]:
     """The roslaunch of camera, odometry and rviz, with the camera waiting for the recorder."""
-    arguments = {'scene': drive.scene, 'frames': drive.frames, 'exit_when_done': 'true',
-                 'rviz': str(drive.rviz).lower(), 'rate': 1.0 if drive.rviz else FASTEST,
-                 'delay': 0.0, 'lockstep_topic': ANSWER}
+    arguments = {'scene': drive.scene, 'frames': drive.frames,
+                 'exit_when_done': str(drive.frames > 0).lower(), 'rviz': str(drive.rviz).lower(),
+                 'rate': 1.0 if drive.rviz else FASTEST, 'delay': 0.0, 'lockstep_topic': ANSWER}
     if drive.seed is not None:
         arguments['seed'] = drive.seed
     return (['roslaunch', 'point_line_odometry', 'demo.launch']

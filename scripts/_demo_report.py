@@ -34,7 +34,8 @@ ROWS = [('frames', 'frames', 0), ('path_m', 'path length [m]', 1),
         ('time_ms', 'time per frame, median [ms]', 1),
         ('ok', 'frames OK', 0), ('degraded', 'frames DEGRADED', 0), ('lost', 'frames LOST', 0)]
 
-NOTE = 'Times are those of the odometry alone, while the next images are rendered beside it.'
+NOTE = ("Times are the odometry's own, taken while the next images were rendered on the same "
+        'processor.')
 
 
 class SceneError(Exception):

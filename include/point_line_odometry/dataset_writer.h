@@ -16,10 +16,6 @@ enum class DatasetLayout {
   kEuroc   ///< raw images: mav0/cam0, mav0/cam1, mav0/state_groundtruth_estimate0
 };
 
-/// Pose of the right camera in the left one, of the cameras that took the images, from R and P of
-/// both.
-Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration);
-
 /// Writes stereo images with their ground truth to a folder that StereoDataset::open() and other
 /// readers of the layout take. Images, stamps and the calibration are read back as they were. The
 /// body of EuRoC's files is the left camera.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <opencv2/core.hpp>
 #include <string>
@@ -34,6 +35,10 @@ struct StereoCalibration {
 /// field, its value and the cure if the P matrices are zero, not finite, of different cameras, or
 /// give a baseline <= 0.
 StereoCamera rectifiedCamera(const StereoCalibration& calibration);
+
+/// Pose of the right camera in the left one, of the cameras that take the images (the rectified ones
+/// if R is the identity), from R and P of both.
+Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration);
 
 /// Fills R and P of both cameras from K, D and the pose of the right camera, such that rows of the
 /// rectified images correspond and no pixel outside the raw images is seen (Bouguet's method,

@@ -112,15 +112,6 @@ std::string eurocGroundTruth(const std::vector<StampedPose>& poses) {
 
 }  // namespace
 
-Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration) {
-  Eigen::Isometry3d T_rectified_left = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d T_rectified_right = Eigen::Isometry3d::Identity();
-  T_rectified_left.linear() = calibration.left.R;
-  T_rectified_right.linear() = calibration.right.R;
-  T_rectified_right.translation().x() = rectifiedCamera(calibration).baseline_m;
-  return T_rectified_left.inverse() * T_rectified_right;
-}
-
 DatasetWriter::DatasetWriter(const std::string& folder, DatasetLayout layout,
                              const StereoCalibration& calibration, double frame_rate_hz)
     : folder_(folder), layout_(layout), calibration_(calibration), frame_rate_hz_(frame_rate_hz) {

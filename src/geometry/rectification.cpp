@@ -151,6 +151,15 @@ StereoCamera rectifiedCamera(const StereoCalibration& calibration) {
   return camera;
 }
 
+Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration) {
+  Eigen::Isometry3d T_rectified_left = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_rectified_right = Eigen::Isometry3d::Identity();
+  T_rectified_left.linear() = calibration.left.R;
+  T_rectified_right.linear() = calibration.right.R;
+  T_rectified_right.translation().x() = rectifiedCamera(calibration).baseline_m;
+  return T_rectified_left.inverse() * T_rectified_right;
+}
+
 StereoCalibration rectifyCalibration(StereoCalibration calibration,
                                      const Eigen::Isometry3d& T_right_left) {
   requireSizes(calibration);

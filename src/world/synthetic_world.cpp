@@ -56,18 +56,6 @@ StereoCalibration eurocCalibration() {
   return rectifyCalibration(raw, T_right_left);
 }
 
-/// Pose of the right camera in the left one, of the cameras that take the images.
-Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration, bool raw) {
-  Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
-  T_left_right.translation().x() = rectifiedCamera(calibration).baseline_m;
-  if (!raw) return T_left_right;
-  Eigen::Isometry3d R_left = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d R_right = Eigen::Isometry3d::Identity();
-  R_left.linear() = calibration.left.R;
-  R_right.linear() = calibration.right.R;
-  return R_left.inverse() * T_left_right * R_right;
-}
-
 world::Scene makeScene(const SyntheticWorldOptions& options) {
   const std::uint32_t seed = world::hash(0x5eed, static_cast<std::uint32_t>(options.seed));
   if (options.scene == "street") return world::makeStreet(seed, options.moving_objects);
@@ -118,7 +106,7 @@ struct SyntheticWorld::Impl {
         raw(o.scene != "street"),
         frame_rate_hz(o.frame_rate_hz > 0.0 ? o.frame_rate_hz : (raw ? 20.0 : 10.0)),
         calibration(raw ? eurocCalibration() : kittiCalibration()),
-        T_left_right(poseOfRightInLeft(calibration, raw)),
+        T_left_right(poseOfRightInLeft(calibration)),
         scene(makeScene(o)) {
     for (const CameraCalibration* camera : {&calibration.left, &calibration.right}) {
       rays.push_back(raw ? PixelRays::ofRawImage(*camera) : PixelRays::ofRectifiedImage(*camera));
