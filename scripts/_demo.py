@@ -221,10 +221,13 @@ def run_scenes(options: argparse.Namespace, display: Display, scratch: str) -> L
             summary = graph.drive(request, display.show)
             results[scene] = report.report_scene(scene, frames, graph.bag(scene), new)
             display.say(summary)
-            problems.extend(report.find_problems(scene, results[scene]))
+            found = report.find_problems(results[scene])
         except report.SceneError as error:
-            display.say(f'{scene} failed; from the log:\n{excerpt(graph.log(scene))}')
-            problems.append(f'{scene}: {error}; see {keep_log(scene, graph.log(scene))}')
+            found = [str(error)]
+        if found:
+            log = graph.log(scene)
+            display.say(f'{scene} failed; from its log:\n{excerpt(log)}')
+            problems.append(f'{scene}: {", ".join(found)}; see {keep_log(scene, log)}')
 
     try:
         with drive.Graph(scratch) as graph:

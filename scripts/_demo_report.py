@@ -131,17 +131,17 @@ def score(recording: Recording, frames: int, truth_path: str, estimate_path: str
     return Scene(figures, scores, matches, recording)
 
 
-def find_problems(name: str, scene: Scene) -> List[str]:
-    """Sentences on what should not be."""
+def find_problems(scene: Scene) -> List[str]:
+    """What should not be, in words."""
     problems = []
     figures = scene.figures
     if figures['missing']:
-        problems.append(f'{name}: {figures["missing"]} frames are missing in the odometry; '
-                        'see its log above')
+        problems.append(f'{figures["missing"]} of {figures["frames"] + figures["missing"]} frames '
+                        'were not answered by the odometry')
     if figures['lost']:
         reasons = sorted({info.reason for info in scene.recording.infos
                           if STATES[info.state] == 'LOST'})
-        problems.append(f'{name}: the odometry was lost in {figures["lost"]} frames '
+        problems.append(f'the odometry was lost in {figures["lost"]} frames '
                         f'({", ".join(reasons)})')
     return problems
 
@@ -281,7 +281,8 @@ def report_scene(name: str, frames: int, bag: str, folder: str) -> Scene:
     """Writes a scene's files; its results. SceneError if there are no two frames."""
     recording = read_recording(bag)
     if min(len(recording.estimate), len(recording.truth), len(recording.infos)) < 2:
-        raise SceneError(f'the odometry answered only {len(recording.estimate)} frames')
+        of_frames = f' of {frames}' if frames else ''
+        raise SceneError(f'the odometry answered only {len(recording.estimate)}{of_frames} frames')
     prefix = os.path.join(folder, name + '_')
     write_tum(prefix + 'estimate.tum', recording.estimate)
     write_tum(prefix + 'groundtruth.tum', recording.truth)
