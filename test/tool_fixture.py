@@ -154,7 +154,8 @@ class ToolTest(unittest.TestCase):
 
     def assertSameNumbers(self, name, folder_a, folder_b):
         """As assertSameFile, but for the last digits of numbers."""
-        rows_a, rows_b = (read(os.path.join(folder, name)).split() for folder in (folder_a, folder_b))
-        self.assertEqual(len(rows_a), len(rows_b))
-        for a, b in zip(rows_a, rows_b):
+        numbers_a, numbers_b = (read(os.path.join(folder, name)).split()
+                                for folder in (folder_a, folder_b))
+        self.assertEqual(len(numbers_a), len(numbers_b))
+        for a, b in zip(numbers_a, numbers_b):
             self.assertAlmostEqual(float(a), float(b), places=8)

@@ -36,8 +36,8 @@ struct StereoCalibration {
 /// give a baseline <= 0.
 StereoCamera rectifiedCamera(const StereoCalibration& calibration);
 
-/// Pose of the right camera in the left one, of the cameras that take the images (the rectified ones
-/// if R is the identity), from R and P of both.
+/// Pose of the right camera in the left one, of the cameras that take the images (the rectified
+/// ones if R is the identity), from R and P of both.
 Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration);
 
 /// Fills R and P of both cameras from K, D and the pose of the right camera, such that rows of the

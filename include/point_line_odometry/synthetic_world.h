@@ -79,8 +79,8 @@ class SyntheticWorld {
   /// to frame 0. Frame 0 has stamp 0; frames never end.
   StampedPose pose(std::size_t frame) const;
 
-  /// Number of frames until the camera has gone `length_m` metres, at least 1. Throws
-  /// std::invalid_argument if it never goes that far.
+  /// Number of frames until the camera has gone `length_m` metres along its course, at least 2.
+  /// Throws std::invalid_argument if it never goes that far.
   std::size_t framesForLength(double length_m) const;
 
   /// The images of a frame, CV_8UC1; uses all cores.

@@ -110,14 +110,6 @@ class Ring {
 
 }  // namespace
 
-Scene makeCorridor(std::uint32_t seed) {
-  constexpr double kTurn_m = 1.2;
-  Scene scene;
-  scene.seed = hash(seed, 22);
-  scene.lighting = roomLighting();
-  const Ring ring(hash(seed, 21), &scene);
-  scene.course = Course(ring.flight(), kTurn_m, flightStyle(), hash(seed, 23));
-  return scene;
-}
+Scene makeCorridor(std::uint32_t seed) { return makeFlight<Ring>(seed, 2); }
 
 }  // namespace point_line_odometry::world

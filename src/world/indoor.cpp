@@ -193,14 +193,6 @@ class Apartment {
 
 }  // namespace
 
-Scene makeIndoor(std::uint32_t seed) {
-  constexpr double kTurn_m = 1.2;
-  Scene scene;
-  scene.seed = hash(seed, 12);
-  scene.lighting = roomLighting();
-  const Apartment apartment(hash(seed, 11), &scene);
-  scene.course = Course(apartment.flight(), kTurn_m, flightStyle(), hash(seed, 13));
-  return scene;
-}
+Scene makeIndoor(std::uint32_t seed) { return makeFlight<Apartment>(seed, 1); }
 
 }  // namespace point_line_odometry::world

@@ -75,4 +75,18 @@ MotionStyle flightStyle();
 /// Light from everywhere and a little from above.
 Lighting roomLighting();
 
+/// The scene of a flight through a building: Building(seed, scene) builds it, and its flight()
+/// gives the corners of the course. Different numbers of `kind` make different use of the same
+/// seed.
+template <typename Building>
+Scene makeFlight(std::uint32_t seed, std::uint32_t kind) {
+  constexpr double kTurn_m = 1.2;
+  Scene scene;
+  scene.seed = hash(seed, 10 * kind + 2);
+  scene.lighting = roomLighting();
+  const Building building(hash(seed, 10 * kind + 1), &scene);
+  scene.course = Course(building.flight(), kTurn_m, flightStyle(), hash(seed, 10 * kind + 3));
+  return scene;
+}
+
 }  // namespace point_line_odometry::world

@@ -21,6 +21,7 @@ StereoCalibration kittiCalibration() {
   left.width = 1241;
   left.height = 376;
   left.K << 718.856, 0.0, 607.1928, 0.0, 718.856, 185.2157, 0.0, 0.0, 1.0;
+  left.D.assign(5, 0.0);
   left.P.leftCols<3>() = left.K;
   CameraCalibration right = left;
   right.P(0, 3) = -386.1448;
@@ -116,9 +117,12 @@ struct SyntheticWorld::Impl {
   double timeOf(std::size_t frame) const { return static_cast<double>(frame) / frame_rate_hz; }
 
   Eigen::Isometry3d T_world_left(double time_s) const {
-    if (options.path.empty()) {
-      return scene.course.cameraPose(time_s, options.speed, options.rotation);
-    }
+    return T_world_left(time_s, options.rotation);
+  }
+
+  /// With the scene's own sway times `sway`, if it follows the scene's own motion.
+  Eigen::Isometry3d T_world_left(double time_s, double sway) const {
+    if (options.path.empty()) return scene.course.cameraPose(time_s, options.speed, sway);
     return scene.course.cameraPose(0.0, options.speed, options.rotation) *
            options.path.front().T_world_camera.inverse() * interpolate(options.path, time_s);
   }
@@ -178,10 +182,13 @@ StampedPose SyntheticWorld::pose(std::size_t frame) const {
 
 std::size_t SyntheticWorld::framesForLength(double length_m) const {
   constexpr std::size_t kMost = 1000000;
-  Eigen::Vector3d before = impl_->T_world_left(0.0).translation();
+  const auto position = [this](std::size_t frame) {  // without the sway, which never ends
+    return Eigen::Vector3d(impl_->T_world_left(impl_->timeOf(frame), 0.0).translation());
+  };
+  Eigen::Vector3d before = position(0);
   double travelled_m = 0.0;
   for (std::size_t frame = 1; frame < kMost; ++frame) {
-    const Eigen::Vector3d here = impl_->T_world_left(impl_->timeOf(frame)).translation();
+    const Eigen::Vector3d here = position(frame);
     travelled_m += (here - before).norm();
     if (travelled_m >= length_m) return frame + 1;
     before = here;
