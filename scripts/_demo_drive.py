@@ -90,10 +90,8 @@ def launch_command(drive: Drive) -> List[str]:
 
 
 class Recorder:
-    """Writes the messages of every frame into a bag, and the picture of the features of one.
-
-    The picture is that with the most line segments.
-    """
+    """Writes the messages of every frame into a bag, and one picture: that in which points and line
+    segments are many."""
 
     TYPES = {ODOMETRY: Odometry, TRUTH: Odometry, INFO: OdometryInfo}
 
@@ -102,9 +100,9 @@ class Recorder:
         self._lock = threading.Lock()
         self._bag: Optional[rosbag.Bag] = rosbag.Bag(path, 'w')
         self._arrived: Dict[Any, Set[str]] = defaultdict(set)
-        self._num_lines: Dict[Any, int] = {}
+        self._richness: Dict[Any, int] = {}  # by stamp, of the latest frame
         self._image: Optional[Image] = None
-        self._most_lines = -1
+        self._best_richness = -1
         self._answers: Optional[rospy.Publisher] = None
         self._subscribers = [rospy.Subscriber(topic, kind, self._take, callback_args=topic)
                              for topic, kind in self.TYPES.items()]
@@ -136,7 +134,7 @@ class Recorder:
                 return
             self._bag.write(topic, message, stamp)
             if topic == INFO:
-                self._num_lines = {stamp: message.line_inliers}
+                self._richness = {stamp: message.point_inliers * message.line_inliers}
             self._arrived[stamp].add(topic)
             if len(self._arrived[stamp]) < len(self.TYPES):
                 return
@@ -147,9 +145,9 @@ class Recorder:
 
     def _take_image(self, message: Image) -> None:
         with self._lock:
-            num_lines = self._num_lines.get(message.header.stamp, 0)
-            if num_lines > self._most_lines:
-                self._image, self._most_lines = message, num_lines
+            richness = self._richness.get(message.header.stamp, 0)
+            if richness > self._best_richness:
+                self._image, self._best_richness = message, richness
 
 
 class Graph:
@@ -167,7 +165,7 @@ class Graph:
         os.environ['ROS_MASTER_URI'] = f'http://localhost:{port}'
         os.environ['ROS_LOG_DIR'] = os.path.join(self._folder, 'ros')
         with self._cleanup:
-            roscore = start(['roscore', '-p', str(port)], os.path.join(self._folder, 'roscore.log'))
+            roscore = start(['roscore', '-p', str(port)], self._log_path('roscore'))
             self._cleanup.callback(stop, roscore)
             self._wait_for_master(roscore)
             rospy.init_node('demo_recorder', anonymous=True, log_level=rospy.FATAL,
@@ -189,7 +187,7 @@ class Graph:
             return stream.read()
 
     def drive(self, drive: Drive, show: Callable[[str], None]) -> str:
-        """Records a drive into its bag, and tells of it in a sentence; `show` gets how far it is."""
+        """Records a drive into its bag; what came of it, in words. `show` gets how far it is."""
         begin = time.monotonic()
         with ExitStack() as cleanup:
             recorder = Recorder(self.bag(drive.scene))

@@ -225,7 +225,7 @@ def draw_scene(figure: Any, cells: List[Any], name: str, scene: Scene) -> None:
     axes.set_anchor('W')
     axes.set_title(describe(name, scene), loc='left')
     if scene.recording.picture is not None:
-        axes.imshow(scene.recording.picture, interpolation='antialiased')
+        axes.imshow(scene.recording.picture, interpolation='bilinear')
     axes = figure.add_subplot(cells[1])
     draw_trajectory(axes, scene.matches)
     axes.legend(loc='best', fontsize=8)

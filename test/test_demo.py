@@ -35,9 +35,10 @@ def odometry(stamp, x_m):
 
 
 def info(stamp, state):
-    message = OdometryInfo(state=state, reason="" if state == OdometryInfo.OK else "too_few_matches")
+    message = OdometryInfo(state=state, total_ms=30.0)
     message.header.stamp = stamp
-    message.stage_names, message.stage_ms, message.total_ms = ["detect", "estimate"], [20.0, 9.0], 30.0
+    message.reason = "" if state == OdometryInfo.OK else "too_few_matches"
+    message.stage_names, message.stage_ms = ["detect", "estimate"], [20.0, 9.0]
     return message
 
 
@@ -101,8 +102,8 @@ class ReportTest(FolderTest):
         # A segment ends at the first frame beyond its length.
         self.assertTrue(1.0 < figures["short_t_rel"] < 1.2)
         self.assertEqual(figures["time_ms"], 30.0)
-        self.assertEqual([figures[name] for name in ("frames", "ok", "degraded", "lost", "missing")],
-                         [30, 30, 0, 0, 0])
+        counts = [figures[name] for name in ("frames", "ok", "degraded", "lost", "missing")]
+        self.assertEqual(counts, [30, 30, 0, 0, 0])
         self.assertIsNone(figures["t_rel"])
 
     def test_all_files_are_written(self):
@@ -197,7 +198,8 @@ class DriveTest(FolderTest):
     def test_launch(self):
         command = drive.launch_command(drive.Drive("indoor", 7, 20, False))
         self.assertEqual(command[:3], ["roslaunch", "point_line_odometry", "demo.launch"])
-        for argument in ("scene:=indoor", "seed:=7", "frames:=20", "exit_when_done:=true", "rviz:=false"):
+        for argument in ("scene:=indoor", "seed:=7", "frames:=20", "exit_when_done:=true",
+                         "rviz:=false"):
             self.assertIn(argument, command)
         endless = drive.launch_command(drive.Drive("street", None, 0, True))
         for argument in ("exit_when_done:=false", "rviz:=true"):
@@ -210,7 +212,8 @@ class DriveTest(FolderTest):
         self.assertIn("close rviz", drive.describe(5, 0, 2.0))
 
     def test_excerpt_of_a_log(self):
-        self.assertEqual(demo.excerpt("one\n\033[31m[FATAL] two\033[0m\n\nthree\n"), "  [FATAL] two\n")
+        self.assertEqual(demo.excerpt("one\n\033[31m[FATAL] two\033[0m\n\nthree\n"),
+                         "  [FATAL] two\n")
         self.assertEqual(demo.excerpt("one\n\ntwo\n"), "  one\n  two\n")
 
     def test_results_replace_earlier_ones(self):
