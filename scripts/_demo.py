@@ -19,7 +19,7 @@ from typing import Any, Callable, Dict, List, NoReturn, Optional
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 WORKSPACE = os.path.join(REPOSITORY, '.workspace')
 END_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
-FRAMES = {'street': 400, 'indoor': 450, 'corridor': 500}
+FRAMES = {'street': 250, 'indoor': 250, 'corridor': 400}
 EXCERPT_LINES = 15
 LINE_PERIOD_S = 10.0
 
