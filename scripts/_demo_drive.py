@@ -30,6 +30,10 @@ END_S = 30.0      # roslaunch gives its nodes 17 s
 POLL_S = 0.1
 FASTEST = 100.0   # as fast as the computer can
 
+# Debian 11's rospy ends with this method, which Debian 11's Python has no more.
+if not hasattr(threading.Thread, 'isAlive'):
+    setattr(threading.Thread, 'isAlive', threading.Thread.is_alive)
+
 
 class Drive(NamedTuple):
     """A drive through a scene; frames 0: until rviz is closed. Without a seed the world's own."""
