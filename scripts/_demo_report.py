@@ -183,6 +183,7 @@ def draw_times(axes: Any, infos: List[Any]) -> None:
     axes.set(xlabel='frame', ylabel='time [ms]', ylim=(0, 1.5 * np.percentile(total, 98)))
     axes.margins(x=0)
     axes.grid(True, linewidth=0.5, alpha=0.5)
+    axes.legend(loc='upper center', ncol=2, fontsize=8, title='median [ms]', title_fontsize=8)
 
 
 def plot_times(infos: List[Any]) -> Any:
@@ -190,19 +191,15 @@ def plot_times(infos: List[Any]) -> Any:
     from matplotlib.figure import Figure
     times = stage_times(infos)
     times['total'] = sum(times.values())
-    figure = Figure(figsize=(9.0, 6.4), dpi=130, constrained_layout=True)
-    grid = figure.add_gridspec(2, 1)
-    axes = figure.add_subplot(grid[0, 0])
+    figure = Figure(figsize=(9.0, 7.4), dpi=130, tight_layout=True)
+    axes = figure.add_subplot(2, 1, 1)
     axes.boxplot(list(times.values())[::-1], vert=False, widths=0.6, showfliers=False)
     axes.set_yticklabels([f'{name}, {np.median(values):.1f} ms'
                           for name, values in times.items()][::-1])
     axes.set_xlabel('time [ms]; box: half of the frames, line: median')
     axes.set_xlim(left=0)
     axes.grid(True, axis='x', linewidth=0.5, alpha=0.5)
-    axes = figure.add_subplot(grid[1, 0])
-    draw_times(axes, infos)
-    axes.legend(loc='center left', bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8,
-                title='median [ms]')
+    draw_times(figure.add_subplot(2, 1, 2), infos)
     return figure
 
 
@@ -218,47 +215,53 @@ def draw_trajectory(axes: Any, matches: Any) -> None:
     axes.grid(True, linewidth=0.5, alpha=0.5)
 
 
-def draw_scene(figure: Any, cells: List[Any], name: str, scene: Scene) -> None:
-    """A row of the poster."""
-    axes = figure.add_subplot(cells[0])
+def draw_scene(figure: Any, cells: Any, name: str, scene: Scene) -> None:
+    """A row of the poster, into four cells of a grid."""
+    axes = figure.add_subplot(cells[0, 0])
     axes.axis('off')
-    axes.set_anchor('W')
+    axes.set_anchor('NW')
     axes.set_title(describe(name, scene), loc='left')
     if scene.recording.picture is not None:
         axes.imshow(scene.recording.picture, interpolation='bilinear')
-    axes = figure.add_subplot(cells[1])
+    axes = figure.add_subplot(cells[0, 1])
     draw_trajectory(axes, scene.matches)
     axes.legend(loc='best', fontsize=8)
     rows = scene.scores['short']['per_length'] + scene.scores['kitti']['per_length']
-    errors = cells[2].subgridspec(2, 1)
+    errors = cells[0, 2].subgridspec(2, 1, hspace=0.45)
     for cell, key, label in ((errors[0, 0], 't_rel_percent', 'translation [%]'),
                              (errors[1, 0], 'r_rel_deg_per_100m', 'rotation [deg/100 m]')):
         axes = figure.add_subplot(cell)
         evaluation.plot_segment_errors(axes, rows, key, label)
         for text in (axes.yaxis.label, *axes.texts):
             text.set_fontsize(8)
-    axes = figure.add_subplot(cells[3])
-    draw_times(axes, scene.recording.infos)
-    axes.legend(loc='upper center', ncol=2, fontsize=8, title='median [ms]', title_fontsize=8)
+    draw_times(figure.add_subplot(cells[0, 3]), scene.recording.infos)
+
+
+def row_height(scene: Scene) -> float:
+    """Inches for a row of the poster: enough for an image of 7 inches' width with its title, not too
+    little for the rest."""
+    picture = scene.recording.picture
+    shape = (1, 3) if picture is None else picture.shape
+    return min(max(7.0 * shape[0] / shape[1] + 1.3, 4.2), 5.4)
 
 
 def plot_overview(scenes: Dict[str, Scene]) -> Any:
     """A poster: a row for a scene with an image, the trajectories, the errors and the times."""
     from matplotlib.figure import Figure
-
-    def height(scene: Scene) -> float:
-        """Enough for an image of 8 inches' width, and not too little for the rest."""
-        picture = scene.recording.picture
-        shape = (1, 3) if picture is None else picture.shape
-        return min(max(8.0 * shape[0] / shape[1] + 0.8, 3.6), 4.8)
-    heights = [height(scene) for scene in scenes.values()]
-    figure = Figure(figsize=(20.0, sum(heights) + 0.6), dpi=110, constrained_layout=True)
+    heading = 0.5
+    height = heading + sum(map(row_height, scenes.values()))
+    figure = Figure(figsize=(20.0, height), dpi=110)
     figure.suptitle('point_line_odometry: stereo visual odometry with points and line segments, in '
-                    'synthetic worlds', fontsize=18)
-    grid = figure.add_gridspec(len(scenes), 4, width_ratios=[2.4, 1.3, 1.0, 1.3],
-                               height_ratios=heights)
-    for row, (name, scene) in enumerate(scenes.items()):
-        draw_scene(figure, [grid[row, column] for column in range(4)], name, scene)
+                    'synthetic worlds', fontsize=18, y=1 - 0.3 * heading / height, va='top')
+    top = height - heading
+    for name, scene in scenes.items():
+        bottom = top - row_height(scene)
+        # Room for the title above and the labels below.
+        cells = figure.add_gridspec(1, 4, width_ratios=[2.4, 1.3, 1.0, 1.3], wspace=0.2, left=0.01,
+                                    right=0.99, top=(top - 0.7) / height,
+                                    bottom=(bottom + 0.6) / height)
+        draw_scene(figure, cells, name, scene)
+        top = bottom
     return figure
 
 
