@@ -238,8 +238,8 @@ def draw_scene(figure: Any, cells: Any, name: str, scene: Scene) -> None:
 
 
 def row_height(scene: Scene) -> float:
-    """Inches for a row of the poster: enough for an image of 7 inches' width with its title, not too
-    little for the rest."""
+    """Inches for a row of the poster: enough for an image of 7 inches' width with its title, and
+    not too little for the rest."""
     picture = scene.recording.picture
     shape = (1, 3) if picture is None else picture.shape
     return min(max(7.0 * shape[0] / shape[1] + 1.3, 4.2), 5.4)

@@ -501,8 +501,11 @@ class SyntheticWorldTest(ToolTest):
         """Sends the signal when something has been written."""
         before = self.listing()
         command = [find_program(command[0])] + [str(argument) for argument in command[1:]]
+        # Whoever runs the tests in the background may have had SIGINT ignored, which is inherited.
         with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE,
-                              universal_newlines=True) as process:
+                              universal_newlines=True,
+                              preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+                              ) as process:
             deadline = time.monotonic() + 30.0
             while self.listing() == before:
                 self.assertLess(time.monotonic(), deadline)
