@@ -55,8 +55,7 @@ void addScreen(double depth, const Eigen::Vector2d& x, const Eigen::Vector2d& z,
   ObjectBuilder builder;
   builder.addRectangle({x(0), depth, z(0)}, {x(1) - x(0), 0.0, 0.0}, {0.0, 0.0, z(1) - z(0)},
                        plain(albedo));
-  scene->objects.push_back(builder.take());
-  scene->instances.push_back({scene->objects.size() - 1, Eigen::Isometry3d::Identity()});
+  scene->place(builder.take());
 }
 
 cv::Mat view(const Scene& scene, const PixelRays& rays,
@@ -146,8 +145,7 @@ TEST(Renderer, SurfacesThatPassThroughEachOtherMeetInALine) {
   addScreen(4.0, {-10.0, 10.0}, {-10.0, 10.0}, 0.2F, &scene);
   ObjectBuilder builder;  // nearer than the screen on the left of x = 0
   builder.addRectangle({-2.0, 3.0, -10.0}, {4.0, 2.0, 0.0}, {0.0, 0.0, 20.0}, plain(0.8F));
-  scene.objects.push_back(builder.take());
-  scene.instances.push_back({scene.objects.size() - 1, Eigen::Isometry3d::Identity()});
+  scene.place(builder.take());
   const cv::Mat image = view(scene, rays);
   EXPECT_NEAR(image.at<float>(60, 70), 0.8F, 1e-6);
   EXPECT_NEAR(image.at<float>(60, 90), 0.2F, 1e-6);
@@ -170,8 +168,7 @@ TEST(Renderer, BackSidesAndWhatIsBehindAreNotSeen) {
   addScreen(-2.0, {-10.0, 10.0}, {-10.0, 10.0}, 1.0F, &scene);
   ObjectBuilder builder;  // turned away
   builder.addRectangle({1.0, 2.0, -1.0}, {-2.0, 0.0, 0.0}, {0.0, 0.0, 2.0}, plain(1.0F));
-  scene.objects.push_back(builder.take());
-  scene.instances.push_back({scene.objects.size() - 1, Eigen::Isometry3d::Identity()});
+  scene.place(builder.take());
   EXPECT_NEAR(view(scene, rays).at<float>(60, 80), 0.3F, 1e-6);
 }
 
@@ -181,8 +178,7 @@ TEST(Renderer, AFloorThatPassesUnderTheCameraIsWhole) {
   ObjectBuilder builder;
   builder.addRectangle({-500.0, -500.0, -1.0}, {1000.0, 0.0, 0.0}, {0.0, 1000.0, 0.0},
                        plain(0.25F));
-  scene.objects.push_back(builder.take());
-  scene.instances.push_back({0, Eigen::Isometry3d::Identity()});
+  scene.place(builder.take());
   const cv::Mat image = view(scene, rays);
   for (int row = 62; row < kHeight; ++row) {
     for (int column = 0; column < kWidth; ++column) {
@@ -206,8 +202,7 @@ TEST(Renderer, LightFallsByDirection) {
   material.shines = false;
   ObjectBuilder builder;
   builder.addRectangle({-50.0, 10.0, -50.0}, {100.0, 0.0, 0.0}, {0.0, 0.0, 100.0}, material);
-  scene.objects.push_back(builder.take());
-  scene.instances.push_back({0, Eigen::Isometry3d::Identity()});
+  scene.place(builder.take());
   scene.lighting = {-Vector3d::UnitY(), 0.3, 0.6};  // from behind the camera
   EXPECT_NEAR(view(scene, rays).at<float>(60, 80), 0.45F, 1e-5);
   scene.lighting.direction = Vector3d::UnitY();

@@ -9,21 +9,13 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "dataset/classic_stream.h"
 #include "point_line_odometry/input_error.h"
 
 namespace point_line_odometry {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
-
-/// A stream whose numbers look the same whatever the user's language is.
-std::ostringstream classicStream() {
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  return text;
-}
 
 /// The shortest text that is read back as the same number.
 std::string exactText(double value) {
@@ -153,8 +145,8 @@ void DatasetWriter::finishKitti() const {
   std::ostringstream poses;
   writeKitti(poses, poses_);
   for (const StampedPose& pose : poses_) {
-    times << pose.stamp_ns / kNanosecondsPerSecond << '.' << std::setw(9) << std::setfill('0')
-          << pose.stamp_ns % kNanosecondsPerSecond << '\n';
+    writeStamp(times, pose.stamp_ns);
+    times << '\n';
   }
   writeText("calib.txt", calibration);
   writeText("times.txt", times.str());

@@ -8,17 +8,10 @@
 #include <ostream>
 #include <sstream>
 
+#include "dataset/classic_stream.h"
+
 namespace point_line_odometry {
 namespace {
-
-constexpr std::int64_t kNanosecondsPerSecond = 1000000000;
-
-/// A stream whose numbers look the same whatever the user's language is.
-std::ostringstream classicStream() {
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  return text;
-}
 
 /// The row's 8 numbers. False if it holds anything else.
 bool parseRow(const std::string& row, std::array<long double, 8>* numbers) {
@@ -42,7 +35,7 @@ StampedPose parsePose(const std::string& row) {
   if (!(std::abs(q.norm() - 1.0) < kUnitTolerance)) throw InputError("has no unit quaternion");
   StampedPose pose;
   // A long double holds the nanoseconds since 1970.
-  pose.stamp_ns = std::llround(n[0] * kNanosecondsPerSecond);
+  pose.stamp_ns = std::llround(n[0] * 1e9L);
   pose.T_world_camera.linear() = q.normalized().toRotationMatrix();
   pose.T_world_camera.translation() << number(1), number(2), number(3);
   if (!pose.T_world_camera.matrix().allFinite()) throw InputError("has no finite position");
@@ -61,8 +54,7 @@ void writeTum(std::ostream& out, const std::vector<StampedPose>& trajectory) {
     Eigen::Quaterniond q(pose.T_world_camera.linear());
     q.normalize();
     if (q.w() < 0.0) q.coeffs() = -q.coeffs();
-    text << pose.stamp_ns / kNanosecondsPerSecond << '.' << std::setw(9) << std::setfill('0')
-         << pose.stamp_ns % kNanosecondsPerSecond;
+    writeStamp(text, pose.stamp_ns);
     const Eigen::Vector3d& t = pose.T_world_camera.translation();
     for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) {
       text << ' ' << withoutNegativeZero(value);

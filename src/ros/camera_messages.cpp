@@ -4,7 +4,7 @@
 
 #include <boost/make_shared.hpp>
 
-#include "point_line_odometry/dataset_writer.h"
+#include "geometry/camera_axes.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -14,10 +14,8 @@ constexpr std::int64_t kSecond_ns = 1000000000;
 
 /// Axes of the camera (x right, y down, z forward) in the base (x forward, y left, z up).
 Eigen::Isometry3d poseOfCameraInBase() {
-  Eigen::Matrix3d R_base_camera;
-  R_base_camera << 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0;
   Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();
-  T_base_camera.linear() = R_base_camera;
+  T_base_camera.linear() = cameraAxesInBody();
   return T_base_camera;
 }
 

@@ -177,13 +177,13 @@ OfflineRun makeRun(StereoSource& source, const Parameters& parameters, const std
 }
 
 /// Takes the frames of a run, as many as are asked for, and writes the pictures that are asked for.
-void process(const Options& options, std::size_t available, OutputFolder* output, OfflineRun* run) {
+void process(const Options& options, const StereoSource& source, OutputFolder* output,
+             OfflineRun* run) {
   const auto limit = static_cast<std::size_t>(options.max_frames);
   const auto every = static_cast<std::size_t>(options.features_every);
   std::filesystem::path pictures;
   if (every > 0) pictures = output->makeFolder("features");
-  ProgressBar progress("odometry", limit > 0 ? std::min(available, limit) : available,
-                       options.quiet);
+  ProgressBar progress("odometry", expectedSize(source, limit), options.quiet);
   while ((limit == 0 || run->rows().size() < limit) && run->step()) {
     throwIfInterrupted();
     const std::size_t index = run->rows().size() - 1;
@@ -202,7 +202,7 @@ int runOdometry(const Options& options) {
     output.reserve(name);
   }
   const Clock::time_point begin = Clock::now();
-  process(options, source->size(), &output, &run);
+  process(options, *source, &output, &run);
   const RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0};
   writeReport(run.rows(), info, &output);
   if (truth.empty()) {

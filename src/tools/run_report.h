@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "dataset/classic_stream.h"
 #include "point_line_odometry/stereo_odometry.h"
 #include "point_line_odometry/trajectory.h"
 
@@ -120,8 +121,7 @@ inline double peakMemory_MB() {
 
 /// Formats in the classic locale with fixed decimals.
 inline std::ostringstream fixedStream(int decimals) {
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
+  std::ostringstream text = classicStream();
   text << std::fixed << std::setprecision(decimals);
   return text;
 }
@@ -135,9 +135,8 @@ inline std::string formatFramesCsv(const std::vector<FrameRow>& rows) {
   for (const auto& time : listTimes(FrameRow())) text << ',' << time.first << "_ms";
   text << '\n';
   for (const FrameRow& row : rows) {
-    text << row.pose.stamp_ns / 1000000000 << '.' << std::setw(9) << std::setfill('0')
-         << row.pose.stamp_ns % 1000000000 << ',' << toString(row.state) << ','
-         << toString(row.reason);
+    writeStamp(text, row.pose.stamp_ns);
+    text << ',' << toString(row.state) << ',' << toString(row.reason);
     for (const auto& count : listCounts(row.counts)) text << ',' << count.second;
     text << ',' << row.rms_px;
     for (const auto& time : listTimes(row)) text << ',' << time.second;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/camera_axes.h"
 #include "world/random.h"
 
 namespace point_line_odometry::world {
@@ -188,11 +189,9 @@ Eigen::Isometry3d Course::cameraPose(double time_s, double speed, double sway) c
   }
   const Vector3d offset = sway * style_.sway_m.cwiseProduct(wave.head<3>());
   const Vector3d angles = sway * style_.sway_rad.cwiseProduct(wave.tail<3>());
-  Eigen::Matrix3d R_body_camera;
-  R_body_camera << 0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0;
   Eigen::Isometry3d pose = at(travelled_m(time_s, speed));
   pose.translation() += pose.linear() * offset;
-  pose.linear() = pose.linear() * fromRollPitchYaw(angles).toRotationMatrix() * R_body_camera;
+  pose.linear() = pose.linear() * fromRollPitchYaw(angles).toRotationMatrix() * cameraAxesInBody();
   return pose;
 }
 

@@ -69,11 +69,6 @@ Eigen::Isometry3d WallSide::pose() const {
   return T;
 }
 
-void InteriorBuilder::place(ObjectBuilder* builder) {
-  scene_.objects.push_back(builder->take());
-  scene_.instances.push_back({scene_.objects.size() - 1, Eigen::Isometry3d::Identity()});
-}
-
 void InteriorBuilder::addFloor(const Vector2d& low, const Vector2d& high,
                                const Interior& interior) {
   ObjectBuilder builder;
@@ -81,7 +76,7 @@ void InteriorBuilder::addFloor(const Vector2d& low, const Vector2d& high,
   const Vector3d y(0.0, high.y() - low.y(), 0.0);
   builder.addRectangle({low.x(), low.y(), 0.0}, x, y, interior.floor);
   builder.addRectangle({low.x(), high.y(), kCeiling_m}, x, -y, interior.ceiling);
-  place(&builder);
+  scene_.place(builder.take());
 }
 
 void InteriorBuilder::addWall(const WallSide& side, const Interior& interior) {
@@ -95,7 +90,7 @@ void InteriorBuilder::addWall(const WallSide& side, const Interior& interior) {
     begin = doorway + 0.5 * kDoorWidth_m;
   }
   addWallPiece(side, {begin, side.length()}, {wall, interior.trim}, &builder);
-  place(&builder);
+  scene_.place(builder.take());
 }
 
 void InteriorBuilder::addAtWall(const WallSide& side, const Vector2d& foot, const Vector3d& size,
@@ -103,7 +98,7 @@ void InteriorBuilder::addAtWall(const WallSide& side, const Vector2d& foot, cons
   ObjectBuilder builder;
   const Vector3d place_in_side(foot.x(), 0.5 * size.y(), foot.y());
   builder.addBox({side.pose() * uprightPose(place_in_side, 0.0), size}, front, top);
-  place(&builder);
+  scene_.place(builder.take());
 }
 
 void InteriorBuilder::addDoor(const WallSide& side, double middle, const Interior& interior) {
@@ -135,13 +130,13 @@ void InteriorBuilder::addLamp(const Vector2d& middle, const Vector2d& size) {
   builder.addRectangle(corner - y + x, y, up, edge);
   builder.addRectangle(corner + x, -x, up, edge);
   builder.addRectangle(corner, -y, up, edge);
-  place(&builder);
+  scene_.place(builder.take());
 }
 
 void InteriorBuilder::addBox(const BoxShape& box, const Material& sides, const Material& top) {
   ObjectBuilder builder;
   builder.addBox(box, sides, top);
-  place(&builder);
+  scene_.place(builder.take());
 }
 
 MotionStyle flightStyle() {

@@ -63,8 +63,6 @@ class InteriorBuilder {
   void addBox(const BoxShape& box, const Material& sides, const Material& top);
 
  private:
-  void place(ObjectBuilder* builder);
-
   Random& random_;
   Scene& scene_;
 };

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "world/course.h"
@@ -33,6 +34,17 @@ struct Mover {
 
 /// A place and a camera's way through it.
 struct Scene {
+  /// Keeps an object for instances of it; its index.
+  std::size_t add(Object object) {
+    objects.push_back(std::move(object));
+    return objects.size() - 1;
+  }
+
+  /// Adds an object that is given in the world's frame.
+  void place(Object object) {
+    instances.push_back({add(std::move(object)), Eigen::Isometry3d::Identity()});
+  }
+
   std::vector<Object> objects;
   std::vector<Instance> instances;
   std::vector<Mover> movers;

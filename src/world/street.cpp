@@ -42,7 +42,7 @@ class Town {
     const Vector2d size = high - low + Vector2d::Constant(2.0 * kBeyond);
     builder.addRectangle(corner, Vector3d(size.x(), 0.0, 0.0), Vector3d(0.0, size.y(), 0.0),
                          makeMaterial(Pattern::kRough, 0.30, 0.22, &random_));
-    place(builder.take());
+    scene_.place(builder.take());
   }
 
   /// The block whose lower corner, in the middle of the crossing, is (i, j) pitches from the
@@ -66,21 +66,12 @@ class Town {
   Random& random() { return random_; }
 
  private:
-  std::size_t keep(Object object) {
-    scene_.objects.push_back(std::move(object));
-    return scene_.objects.size() - 1;
-  }
-
-  void place(Object object) {
-    scene_.instances.push_back({keep(std::move(object)), Eigen::Isometry3d::Identity()});
-  }
-
   void addSlab(const Vector3d& centre) {
     ObjectBuilder builder;
     const Material kerb = makeMaterial(Pattern::kTiles, 0.55, 0.25, {1.0, 0.5}, &random_);
     const Material paving = makeMaterial(Pattern::kTiles, 0.45, 0.25, {0.5, 0.5}, &random_);
     builder.addBox({uprightPose(centre, 0.0), {kSlab, kSlab, kKerbHeight}}, kerb, paving);
-    place(builder.take());
+    scene_.place(builder.take());
   }
 
   /// Houses along one side of a block. In the frame of a side x runs along the pavement to the
@@ -110,7 +101,7 @@ class Town {
     builder.addBox(
         {T_world_side * uprightPose(place_of_wall, 0.0), {width, 0.4, random_.uniform(1.0, 2.2)}},
         material);
-    place(builder.take());
+    scene_.place(builder.take());
     addTree(T_world_side * Vector3d(x + 0.5 * width, -0.5 * kLots + 4.0, kKerbHeight));
   }
 
@@ -153,7 +144,7 @@ class Town {
     builder.addRectangle(corner + along, inward, up, side);
     builder.addRectangle(corner + inward, -inward, up, side);
     addRoof(pose, size, &builder);
-    place(builder.take());
+    scene_.place(builder.take());
     addDetails(pose, size, floor_height, front);
   }
 
@@ -223,7 +214,7 @@ class Town {
       add({x, -0.12, floor_height + 0.15}, {board.x(), 0.1, board.y()},
           makeMaterial(Pattern::kPicture, 0.5, 0.6, board, &random_));
     }
-    place(builder.take(kDrawDetails));
+    scene_.place(builder.take(kDrawDetails));
   }
 
   /// Lamp posts, signs, trees, bins and boxes along one side.
@@ -260,7 +251,7 @@ class Town {
           builder.addColumn(T_world_side * foot, random_.uniform(0.7, 1.0), 0.07, 0.07, metal);
       }
       Object object = builder.take(kDrawDetails);
-      if (!object.surfaces.empty()) place(std::move(object));
+      if (!object.surfaces.empty()) scene_.place(std::move(object));
     }
   }
 
@@ -310,7 +301,7 @@ class Town {
         add(0.5 * kSlab - 5.0, road + y, 3.0, 0.5);
       }
     }
-    place(builder.take());
+    scene_.place(builder.take());
   }
 
   void addTree(const Vector3d& foot) {
@@ -321,12 +312,12 @@ class Town {
 
   void makeTrees() {
     constexpr int kKinds = 12;
-    for (int i = 0; i < kKinds; ++i) trees_.push_back(keep(makeTree(&random_)));
+    for (int i = 0; i < kKinds; ++i) trees_.push_back(scene_.add(makeTree(&random_)));
   }
 
   void makeCars() {
     constexpr int kKinds = 14;
-    for (int i = 0; i < kKinds; ++i) cars_.push_back(keep(makeCar(&random_)));
+    for (int i = 0; i < kKinds; ++i) cars_.push_back(scene_.add(makeCar(&random_)));
   }
 
   Random random_;
@@ -375,7 +366,7 @@ Scene makeStreet(std::uint32_t seed, int moving_objects) {
 
   std::vector<Vector2d> crossings = chooseCrossings(&town.random());
   Vector2d high = Vector2d::Zero();
-  for (Vector2d& crossing : crossings) high = high.cwiseMax(crossing);
+  for (const Vector2d& crossing : crossings) high = high.cwiseMax(crossing);
   const int columns = static_cast<int>(high.x());
   const int rows = static_cast<int>(high.y());
   for (int i = -kMargin; i < columns + kMargin; ++i) {
