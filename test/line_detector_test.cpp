@@ -38,8 +38,14 @@ void addNoise(cv::Mat* image, double sigma, unsigned seed) {
   cv::add(*image, noise, *image, cv::noArray(), CV_8UC1);
 }
 
+GradientImage gradientOf(const cv::Mat& image) {
+  GradientImage gradient;
+  computeGradient(image, &gradient);
+  return gradient;
+}
+
 std::vector<LineSegment> detect(const cv::Mat& image, const LineParameters& parameters = {}) {
-  return LineDetector(parameters).detect(computeGradient(image));
+  return LineDetector(parameters).detect(gradientOf(image));
 }
 
 constexpr int kSize = 200;
@@ -57,7 +63,7 @@ cv::Mat halfPlane(double normal_rad) {
 TEST(ComputeGradient, EightUnitsAreOneGreyLevelPerPixel) {
   const cv::Mat ramp =
       render(60, 40, [](const Vector2d& p) { return 20.0 + 3.0 * p.x() + 1.0 * p.y(); });
-  const GradientImage gradient = computeGradient(ramp);
+  const GradientImage gradient = gradientOf(ramp);
   EXPECT_EQ(gradient.gx.type(), CV_16SC1);
   EXPECT_EQ(gradient.magnitude.type(), CV_16UC1);
   EXPECT_NEAR(gradient.gx.at<short>(20, 30), 24, 1);
@@ -285,7 +291,7 @@ TEST(LineDetector, OneDetectorServesImagesOfSeveralSizes) {
   const cv::Mat small = large(cv::Rect(0, 0, 60, 120)).clone();
   for (int round = 0; round < 2; ++round) {
     for (const cv::Mat& image : {large, small}) {
-      const std::vector<LineSegment> kept = detector.detect(computeGradient(image));
+      const std::vector<LineSegment> kept = detector.detect(gradientOf(image));
       const std::vector<LineSegment> fresh = detect(image);
       ASSERT_EQ(kept.size(), fresh.size());
       for (std::size_t i = 0; i < kept.size(); ++i) EXPECT_EQ(kept[i].start, fresh[i].start);
@@ -311,7 +317,7 @@ cv::Mat edgeAmidTexture(unsigned seed) {
 const LineSegment kEdge{{99.5F, 160.0F}, {99.5F, 40.0F}};
 
 Descriptor describe(const cv::Mat& image, const LineSegment& segment = kEdge) {
-  return describeLines(computeGradient(image), {segment}).at(0);
+  return describeLines(gradientOf(image), {segment}).at(0);
 }
 
 TEST(DescribeLines, SameSegmentSameDescriptor) {
@@ -367,8 +373,8 @@ TEST(DescribeLines, ReachesBeyondTheImageWithoutHarm) {
                                           {{199.0F, 199.0F}, {150.0F, 199.0F}},
                                           {{-50.0F, -50.0F}, {400.0F, 300.0F}},
                                           {{10.0F, 10.0F}, {10.0F, 10.0F}}};
-  EXPECT_EQ(describeLines(computeGradient(image), segments).size(), 4U);
-  EXPECT_TRUE(describeLines(computeGradient(image), {}).empty());
+  EXPECT_EQ(describeLines(gradientOf(image), segments).size(), 4U);
+  EXPECT_TRUE(describeLines(gradientOf(image), {}).empty());
 }
 
 }  // namespace

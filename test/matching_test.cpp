@@ -112,6 +112,13 @@ struct Seen {
   int bits;
 };
 
+std::vector<IndexPair> stereoPairsOf(const std::vector<PointFeature>& left,
+                                     const std::vector<PointFeature>& right,
+                                     const MatchingParameters& parameters = {}) {
+  ThreadPool threads(2);
+  return matchPointsStereo(left, right, parameters, &threads);
+}
+
 std::vector<IndexPair> stereoPairs(const std::vector<Seen>& left, const std::vector<Seen>& right,
                                    const MatchingParameters& parameters = {}) {
   synthetic::Random random(1);
@@ -124,13 +131,13 @@ std::vector<IndexPair> stereoPairs(const std::vector<Seen>& left, const std::vec
     }
     return features;
   };
-  return matchPointsStereo(features(left), features(right), parameters);
+  return stereoPairsOf(features(left), features(right), parameters);
 }
 
 TEST(MatchPointsStereo, UniqueDescriptorsMatchCompletely) {
   const TwoFrames scene(120, 0, Isometry3d::Identity(), 1);
   const auto& right = scene.curr.features.points_right;  // reversed
-  expectReversed(matchPointsStereo(scene.prev.features.points_left, right, {}), 120);
+  expectReversed(stereoPairsOf(scene.prev.features.points_left, right), 120);
 }
 
 TEST(MatchPointsStereo, DistractorsChangeNothing) {
@@ -145,7 +152,7 @@ TEST(MatchPointsStereo, DistractorsChangeNothing) {
     other.descriptor = synthetic::randomDescriptor(&random);
     (i % 2 == 0 ? left : right).push_back(other);
   }
-  const std::vector<IndexPair> pairs = matchPointsStereo(left, right, {});
+  const std::vector<IndexPair> pairs = stereoPairsOf(left, right);
   for (const IndexPair& pair : pairs) EXPECT_EQ(pair.second, 79 - pair.first);
   EXPECT_EQ(pairs.size(), 80U);
 }

@@ -2,10 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <functional>
 #include <limits>
 
-#include "motion/residuals.h"
+#include "motion/motion_cost.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -20,19 +21,27 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // --- What the solver sees
 
-TEST(Cost, BehindTheCameraIsRefused) {
+TEST(MotionCost, BehindTheCameraIsRefused) {
+  using Cost = MotionCost<ResidualImages::kBoth>;
   const Correspondences all =
       synthetic::matches(synthetic::camera(), synthetic::motion(), {1, 1}, 5);
   const double rotation[] = {0.0, 0.0, 0.0};
-  const double translation[] = {0.0, 0.0, -30.0};
-  const double* blocks[] = {rotation, translation};
-  double residuals[4];
-  const PointCostBoth point(all.points[0], synthetic::camera(),
-                            PointCostBoth::SqrtInformation::Identity());
-  EXPECT_FALSE(point.Evaluate(blocks, residuals, nullptr));
-  const LineCostBoth line(all.lines[0], synthetic::camera(),
-                          LineCostBoth::SqrtInformation::Identity());
-  EXPECT_FALSE(line.Evaluate(blocks, residuals, nullptr));
+  const Vector3d in_front = synthetic::motion().translation();
+  const double* near[] = {rotation, in_front.data()};
+  const double behind[] = {0.0, 0.0, -30.0};
+  const double* far[] = {rotation, behind};
+  std::array<double, 7> residuals{};
+  const Correspondences point_alone{all.points, {}};
+  const Correspondences line_alone{{}, all.lines};
+  for (const Correspondences& some : {point_alone, line_alone}) {
+    Cost::Points points(some.points, synthetic::camera());
+    Cost::Lines lines(some.lines, synthetic::camera());
+    points.linearizeWeights(synthetic::motion(), true);
+    lines.linearizeWeights(synthetic::motion(), true);
+    const Cost cost(points, lines, 1.5);
+    EXPECT_TRUE(cost.Evaluate(near, residuals.data(), nullptr));
+    EXPECT_FALSE(cost.Evaluate(far, residuals.data(), nullptr));
+  }
 }
 
 TEST(MotionVector, IsTheInverseOfIsometry) {
@@ -255,9 +264,9 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
     double sum = 0.0;
     for (std::size_t i = 0; i < noisy.points.size(); ++i) {
       if (!fused.point_inliers[i]) continue;
-      const PointResidual residual(noisy.points[i], camera, T, ResidualImages::kBoth);
+      const PointResidual<ResidualImages::kBoth> residual(noisy.points[i], camera, T);
       Eigen::Matrix3d covariance =
-          residual.by_point * noisy.points[i].covariance * residual.by_point.transpose();
+          residual.by_landmark * noisy.points[i].covariance * residual.by_landmark.transpose();
       covariance.diagonal().array() += 0.09;
       sum += residual.value.dot(covariance.inverse() * residual.value);
     }

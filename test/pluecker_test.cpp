@@ -5,7 +5,7 @@
 #include <functional>
 #include <limits>
 
-#include "motion/residuals.h"
+#include "motion/motion_cost.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -169,10 +169,10 @@ TEST(PointResidual, HandNumbers) {
   point.right_px = {746.0, 48.0};
   // One metre forward: seen at (900, 50) and (750, 50).
   const Isometry3d T = synthetic::transform(Vector3d::Zero(), {0.0, 0.0, -1.0});
-  const PointResidual both(point, synthetic::handCamera(), T, ResidualImages::kBoth);
+  const PointResidual<ResidualImages::kBoth> both(point, synthetic::handCamera(), T);
   ASSERT_TRUE(both.valid);
   EXPECT_LT((both.value - Vector3d(2.0, -3.0, -4.0)).norm(), 1e-9);
-  const PointResidual left(point, synthetic::handCamera(), T, ResidualImages::kLeft);
+  const PointResidual<ResidualImages::kLeft> left(point, synthetic::handCamera(), T);
   ASSERT_EQ(left.value.size(), 2);
   EXPECT_LT((left.value - Vector2d(2.0, -3.0)).norm(), 1e-9);
 }
@@ -185,14 +185,14 @@ TEST(LineResidual, HandNumbers) {
   line.left_end_px = {899.0, 500.0};
   line.right_start_px = {750.0, 20.0};
   line.right_end_px = {752.0, 300.0};
-  const LineResidual residual(line, synthetic::handCamera(), Isometry3d::Identity(),
-                              ResidualImages::kBoth);
+  const LineResidual<ResidualImages::kBoth> residual(line, synthetic::handCamera(),
+                                                     Isometry3d::Identity());
   ASSERT_TRUE(residual.valid);
   ASSERT_EQ(residual.value.size(), 4);
   const double sign = residual.value(0) > 0.0 ? 1.0 : -1.0;
   EXPECT_LT((sign * residual.value - Eigen::Vector4d(3.0, -1.0, 0.0, 2.0)).norm(), 1e-9);
-  const LineResidual left(line, synthetic::handCamera(), Isometry3d::Identity(),
-                          ResidualImages::kLeft);
+  const LineResidual<ResidualImages::kLeft> left(line, synthetic::handCamera(),
+                                                 Isometry3d::Identity());
   ASSERT_EQ(left.value.size(), 2);
   EXPECT_LT((left.value - residual.value.head<2>()).norm(), 1e-12);
 }
@@ -200,14 +200,14 @@ TEST(LineResidual, HandNumbers) {
 TEST(Residuals, AreZeroAtTheTruth) {
   const Correspondences exact = synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 1);
   for (const PointCorrespondence& point : exact.points) {
-    const PointResidual residual(point, synthetic::camera(), synthetic::motion(),
-                                 ResidualImages::kBoth);
+    const PointResidual<ResidualImages::kBoth> residual(point, synthetic::camera(),
+                                                        synthetic::motion());
     ASSERT_TRUE(residual.valid);
     EXPECT_LT(residual.value.norm(), 1e-9);
   }
   for (const LineCorrespondence& line : exact.lines) {
-    const LineResidual residual(line, synthetic::camera(), synthetic::motion(),
-                                ResidualImages::kBoth);
+    const LineResidual<ResidualImages::kBoth> residual(line, synthetic::camera(),
+                                                       synthetic::motion());
     ASSERT_TRUE(residual.valid);
     EXPECT_LT(residual.value.norm(), 1e-8);
   }
@@ -219,13 +219,13 @@ TEST(Residuals, BehindTheCameraIsInvalid) {
   const Isometry3d turned = synthetic::transform({0.0, M_PI, 0.0}, Vector3d::Zero());
   for (const Isometry3d& T : {past, turned}) {
     EXPECT_FALSE(
-        PointResidual(exact.points[0], synthetic::camera(), T, ResidualImages::kBoth).valid);
-    EXPECT_FALSE(LineResidual(exact.lines[0], synthetic::camera(), T, ResidualImages::kLeft).valid);
+        PointResidual<ResidualImages::kBoth>(exact.points[0], synthetic::camera(), T).valid);
+    EXPECT_FALSE(LineResidual<ResidualImages::kLeft>(exact.lines[0], synthetic::camera(), T).valid);
   }
   LineCorrespondence half = exact.lines[0];  // one end in front is not enough
   half.end_prev.z() = -1.0;
   EXPECT_FALSE(
-      LineResidual(half, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kLeft).valid);
+      LineResidual<ResidualImages::kLeft>(half, synthetic::camera(), Isometry3d::Identity()).valid);
 }
 
 TEST(Residuals, LineThatIsSeenAsAPointIsInvalid) {
@@ -233,20 +233,20 @@ TEST(Residuals, LineThatIsSeenAsAPointIsInvalid) {
   line.start_prev = {0.2, 0.1, 2.0};
   line.end_prev = {0.4, 0.2, 4.0};
   EXPECT_FALSE(
-      LineResidual(line, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kLeft).valid);
+      LineResidual<ResidualImages::kLeft>(line, synthetic::camera(), Isometry3d::Identity()).valid);
 }
 
 TEST(Residuals, NaNIsInvalid) {
   PointCorrespondence point;
   point.p_prev = {0.0, 0.0, kNaN};
   EXPECT_FALSE(
-      PointResidual(point, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kBoth)
+      PointResidual<ResidualImages::kBoth>(point, synthetic::camera(), Isometry3d::Identity())
           .valid);
   LineCorrespondence line;
   line.start_prev = {0.0, 0.0, kNaN};
   line.end_prev = {1.0, 1.0, 4.0};
   EXPECT_FALSE(
-      LineResidual(line, synthetic::camera(), Isometry3d::Identity(), ResidualImages::kBoth).valid);
+      LineResidual<ResidualImages::kBoth>(line, synthetic::camera(), Isometry3d::Identity()).valid);
 }
 
 /// Largest difference of a Jacobian from central differences of f, relative to its largest entry.
@@ -268,90 +268,82 @@ Isometry3d perturbed(const Isometry3d& T, const Eigen::VectorXd& d) {
   return moved;
 }
 
-class JacobianTest : public ::testing::TestWithParam<ResidualImages> {
+template <typename Images>
+class JacobianTest : public ::testing::Test {
  protected:
+  using Point = PointResidual<Images::value>;
+  using Line = LineResidual<Images::value>;
+
   const StereoCamera camera_ = synthetic::camera();
   const Correspondences all_ = synthetic::matches(camera_, synthetic::motion(), {10, 10, 2.0}, 2);
   // Not the motion the pixels belong to: the residuals are not zero.
   const Isometry3d T_ = synthetic::transform({0.3, -0.2, 0.25}, {0.5, -0.2, 0.4});
 };
 
-TEST_P(JacobianTest, Point) {
-  for (const PointCorrespondence& point : all_.points) {
-    const PointResidual at(point, camera_, T_, GetParam());
+using Images = ::testing::Types<std::integral_constant<ResidualImages, ResidualImages::kLeft>,
+                                std::integral_constant<ResidualImages, ResidualImages::kBoth>>;
+TYPED_TEST_SUITE(JacobianTest, Images);
+
+TYPED_TEST(JacobianTest, Point) {
+  using Residual = typename TestFixture::Point;
+  for (const PointCorrespondence& point : this->all_.points) {
+    const auto moved = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      return Residual(point, this->camera_, perturbed(this->T_, d)).value;
+    };
+    const auto shifted = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      PointCorrespondence other = point;
+      other.p_prev += d;
+      return Residual(other, this->camera_, this->T_).value;
+    };
+    const Residual at(point, this->camera_, this->T_);
     ASSERT_TRUE(at.valid);
     ASSERT_GT(at.value.norm(), 1.0);
-    EXPECT_LT(
-        jacobianError(at.by_motion, 6,
-                      [&](const Eigen::VectorXd& d) {
-                        return PointResidual(point, camera_, perturbed(T_, d), GetParam()).value;
-                      }),
-        1e-6);
-    EXPECT_LT(jacobianError(at.by_point, 3,
-                            [&](const Eigen::VectorXd& d) {
-                              PointCorrespondence moved = point;
-                              moved.p_prev += d;
-                              return PointResidual(moved, camera_, T_, GetParam()).value;
-                            }),
-              1e-6);
+    EXPECT_LT(jacobianError(at.by_motion, 6, moved), 1e-6);
+    EXPECT_LT(jacobianError(at.by_landmark, 3, shifted), 1e-6);
   }
 }
 
-TEST_P(JacobianTest, Line) {
-  for (const LineCorrespondence& line : all_.lines) {
-    const LineResidual at(line, camera_, T_, GetParam());
+TYPED_TEST(JacobianTest, Line) {
+  using Residual = typename TestFixture::Line;
+  for (const LineCorrespondence& line : this->all_.lines) {
+    const auto moved = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      return Residual(line, this->camera_, perturbed(this->T_, d)).value;
+    };
+    const auto shifted = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      LineCorrespondence other = line;
+      other.start_prev += d.head<3>();
+      other.end_prev += d.tail<3>();
+      return Residual(other, this->camera_, this->T_).value;
+    };
+    const Residual at(line, this->camera_, this->T_);
     ASSERT_TRUE(at.valid);
     ASSERT_GT(at.value.norm(), 1.0);
-    EXPECT_LT(
-        jacobianError(at.by_motion, 6,
-                      [&](const Eigen::VectorXd& d) {
-                        return LineResidual(line, camera_, perturbed(T_, d), GetParam()).value;
-                      }),
-        1e-5);
-    EXPECT_LT(jacobianError(at.by_end_points, 6,
-                            [&](const Eigen::VectorXd& d) {
-                              LineCorrespondence moved = line;
-                              moved.start_prev += d.head<3>();
-                              moved.end_prev += d.tail<3>();
-                              return LineResidual(moved, camera_, T_, GetParam()).value;
-                            }),
-              1e-5);
+    EXPECT_LT(jacobianError(at.by_motion, 6, moved), 1e-5);
+    EXPECT_LT(jacobianError(at.by_landmark, 6, shifted), 1e-5);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Images, JacobianTest,
-                         ::testing::Values(ResidualImages::kLeft, ResidualImages::kBoth));
+// --- Cost of the solver
 
-// --- Cost functions
+template <typename Images>
+class MotionCostTest : public ::testing::Test {};
+TYPED_TEST_SUITE(MotionCostTest, Images);
 
-template <typename Cost>
-class CostGradientTest : public ::testing::Test {};
-
-struct PointsOf {
-  static PointCorrespondence take(const Correspondences& all) { return all.points[3]; }
-};
-struct LinesOf {
-  static LineCorrespondence take(const Correspondences& all) { return all.lines[3]; }
-};
-template <typename CostType, typename SourceType>
-struct Case {
-  using Cost = CostType;
-  using Source = SourceType;
-};
-using Costs = ::testing::Types<Case<PointCostLeft, PointsOf>, Case<PointCostBoth, PointsOf>,
-                               Case<LineCostLeft, LinesOf>, Case<LineCostBoth, LinesOf>>;
-TYPED_TEST_SUITE(CostGradientTest, Costs);
-
-TYPED_TEST(CostGradientTest, AgreesWithNumericDerivatives) {
-  using Cost = typename TypeParam::Cost;
+TYPED_TEST(MotionCostTest, AgreesWithNumericDerivatives) {
+  using Cost = MotionCost<TypeParam::value>;
   const StereoCamera camera = synthetic::camera();
   // Distant landmarks in the middle stay in front under a large rotation about the optical axis.
   const Isometry3d truth = synthetic::transform({0.1, -0.05, 2.6}, {0.1, -0.2, 1.0});
-  const auto match = TypeParam::Source::take(synthetic::matches(camera, truth, {8, 8, 1.0}, 5));
-  synthetic::Random random(6);
-  typename Cost::SqrtInformation weight;
-  for (int i = 0; i < weight.size(); ++i) weight(i) = random.uniform(-1.0, 1.0);
-  const Cost cost(match, camera, weight);
+  synthetic::MatchOptions options{4, 4, 1.0};
+  options.sigma_px = 100.0;  // residuals within and beyond Huber's threshold
+  const Correspondences matches = synthetic::matches(camera, truth, options, 5);
+  typename Cost::Points points(matches.points, camera);
+  typename Cost::Lines lines(matches.lines, camera);
+  points.linearizeWeights(truth, true);
+  lines.linearizeWeights(truth, true);
+  const Cost cost(points, lines, 1.5);
+  ASSERT_EQ(cost.num_residuals(), points.rows() + lines.rows());
+  ASSERT_GE(points.count() + lines.count(), 8);
   // Small angles take a branch of their own.
   for (const Vector3d& rotation : {Vector3d(0.0, 0.0, 0.0), Vector3d(1e-7, -1e-7, 0.0),
                                    Vector3d(0.05, -0.1, 0.2), Vector3d(0.15, -0.1, 2.5)}) {
@@ -373,6 +365,17 @@ TYPED_TEST(CostGradientTest, AgreesWithNumericDerivatives) {
     J << by_rotation, by_translation;
     EXPECT_LT(jacobianError(J, 6, [&](const Eigen::VectorXd& d) { return evaluate(d, nullptr); }),
               1e-5);
+  }
+}
+
+TEST(HuberScale, SquareOfTheScaledResidualIsHubersFunction) {
+  for (const double norm : {0.0, 0.7, 1.5, 1.6, 4.0, 1000.0}) {
+    const HuberScale huber(norm * norm, 1.5);
+    const double expected = norm <= 1.5 ? norm * norm : 2.0 * 1.5 * norm - 1.5 * 1.5;
+    EXPECT_NEAR(huber.scale * huber.scale * norm * norm, expected, 1e-9 * (1.0 + expected));
+    const double step = 1e-6;
+    const double slope = (HuberScale(norm * norm + step, 1.5).scale - huber.scale) / step;
+    EXPECT_NEAR(huber.twice_derivative, 2.0 * slope, 1e-5) << norm;
   }
 }
 

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <map>
+#include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "features/fast_corners.h"
 #include "matching/descriptor_distance.h"
 #include "synthetic_scene.h"
 
@@ -76,6 +78,39 @@ TEST(PointDetector, FindsTheCornersOfSquares) {
                             [&](const Vector2f& c) { return distance(c) < 3.0F; }));
     EXPECT_GT(feature.response, 0.0F);
     EXPECT_EQ(feature.octave, 0);
+  }
+}
+
+TEST(FastCorners, AreThoseOfOpenCv) {
+  constexpr int kBorder = FastCorners::kMinBorder;
+  FastCorners detector;
+  for (const cv::Size& size : {cv::Size(200, 150), cv::Size(57, 60), cv::Size(641, 43)}) {
+    cv::Mat image = texture(size.width, size.height, 7, 90.0);
+    cv::Mat rough(size, CV_8UC1);
+    cv::randu(rough, 0, 40);
+    image += rough;  // saturates, too
+    for (const int threshold : {1, 10, 60}) {
+      std::vector<cv::KeyPoint> expected;
+      cv::FAST(image, expected, threshold, true);
+      const auto outside = [&](const cv::KeyPoint& p) {
+        // OpenCV compares scores with neighbours outside the border, too.
+        return p.pt.x <= kBorder || p.pt.y <= kBorder || p.pt.x >= size.width - kBorder - 1 ||
+               p.pt.y >= size.height - kBorder - 1;
+      };
+      expected.erase(std::remove_if(expected.begin(), expected.end(), outside), expected.end());
+      std::vector<FastCorner> found = detector.detect(image, threshold, kBorder);
+      found.erase(std::remove_if(
+                      found.begin(), found.end(),
+                      [&](const FastCorner& c) { return outside(cv::KeyPoint(c.x, c.y, 1.0F)); }),
+                  found.end());
+      ASSERT_EQ(found.size(), expected.size()) << size << ' ' << threshold;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        EXPECT_EQ(found[i].x, expected[i].pt.x);
+        EXPECT_EQ(found[i].y, expected[i].pt.y);
+        // OpenCV gives the largest threshold that the corner passes.
+        EXPECT_EQ(found[i].score - 1, expected[i].response);
+      }
+    }
   }
 }
 

@@ -70,6 +70,22 @@ TEST(StereoOdometry, FirstFrameIsTheOrigin) {
   EXPECT_EQ(result.unmatched_points_px.size(), static_cast<std::size_t>(result.counts.points_left));
 }
 
+TEST(StereoOdometry, NumberOfThreadsChangesNothing) {
+  Parameters parameters;
+  parameters.tracking.threads = 1;
+  const std::vector<FrameResult> alone = run(parameters);
+  for (const int threads : {2, 5}) {
+    parameters.tracking.threads = threads;
+    const std::vector<FrameResult> shared = run(parameters);
+    for (int k = 0; k < kFrames; ++k) {
+      EXPECT_EQ(shared[k].T_odom_camera.matrix(), alone[k].T_odom_camera.matrix()) << k;
+      EXPECT_EQ(shared[k].pose_covariance, alone[k].pose_covariance) << k;
+      EXPECT_EQ(shared[k].counts.point_inliers, alone[k].counts.point_inliers) << k;
+      EXPECT_EQ(shared[k].counts.line_inliers, alone[k].counts.line_inliers) << k;
+    }
+  }
+}
+
 TEST(StereoOdometry, RecoversAKnownMotion) {
   const std::vector<FrameResult> results = run({});
   expectTheDrive(results, 0.015, 0.003);

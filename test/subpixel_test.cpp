@@ -10,6 +10,13 @@
 namespace point_line_odometry {
 namespace {
 
+std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
+                                          const Eigen::Vector2f& reference_px,
+                                          const cv::Mat& target,
+                                          const Eigen::Vector2f& initial_px) {
+  return PatchAligner(reference, reference_px).align(target, initial_px);
+}
+
 using Eigen::Vector2f;
 
 constexpr int kSize = 100;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -15,10 +16,12 @@ struct GradientImage {
   cv::Mat gx;         ///< CV_16SC1
   cv::Mat gy;         ///< CV_16SC1
   cv::Mat magnitude;  ///< CV_16UC1, |gx| + |gy|
+  cv::Mat smooth;     ///< CV_8UC1, the image after a 5 x 5 Gaussian (sigma 1 px)
 };
 
-/// Gradient of a CV_8UC1 image after a 5 x 5 Gaussian (sigma 1 px).
-GradientImage computeGradient(const cv::Mat& image);
+/// Smooths a CV_8UC1 image and differentiates it. The memory of `gradient` is used again if it has
+/// the image's size.
+void computeGradient(const cv::Mat& image, GradientImage* gradient);
 
 /// Fewest aligned pixels that make a segment of n pixels meaningful: its number of false alarms is
 /// at most 1 in the a-contrario model of von Gioi et al. 2010.
@@ -44,22 +47,21 @@ class AContrarioTable {
 /// pixels.
 class LineDetector {
  public:
-  explicit LineDetector(const LineParameters& parameters) : parameters_(parameters) {}
+  explicit LineDetector(const LineParameters& parameters);
+  LineDetector(LineDetector&&) noexcept;
+  LineDetector& operator=(LineDetector&&) noexcept;
+  ~LineDetector();
 
   /// Segments, the longest first, at most max_count of them; none in an image smaller than 3 x 3.
   std::vector<LineSegment> detect(const GradientImage& gradient);
 
  private:
-  void findAnchors(const GradientImage& gradient, int threshold);
+  struct Scratch;
 
-  // Scratch memory, kept from frame to frame.
+  void addSegments(const GradientImage& gradient, std::vector<LineSegment>* segments) const;
+
   LineParameters parameters_;
-  AContrarioTable table_;
-  std::vector<std::uint8_t> visited_;     // one per pixel
-  std::vector<std::int32_t> candidates_;  // pixels on ridges, in reading order
-  std::vector<std::int32_t> anchors_;     // the same, the strongest first
-  std::vector<std::int32_t> chain_;       // pixels of one edge, in order
-  std::vector<Eigen::Vector2f> places_;   // their sub-pixel places
+  std::unique_ptr<Scratch> scratch_;
 };
 
 /// Line band descriptors (LBD, Zhang and Koch 2013): nine bands of seven pixels along each segment,

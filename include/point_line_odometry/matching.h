@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -9,6 +10,7 @@
 #include "point_line_odometry/features.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/thread_pool.h"
 #include "point_line_odometry/triangulation.h"
 
 namespace point_line_odometry {
@@ -40,7 +42,7 @@ struct StereoLine {
 /// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
-  StereoImages images;  ///< own copies: sub-pixel matching of the next frame looks at them
+  cv::Mat left_image;  ///< a copy: sub-pixel matching of the next frames looks at it
   DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
@@ -50,7 +52,7 @@ struct StereoFrame {
 /// best descriptor.
 std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
                                          const std::vector<PointFeature>& right,
-                                         const MatchingParameters& parameters);
+                                         const MatchingParameters& parameters, ThreadPool* threads);
 
 /// Pairs of segments (left, right) of like direction that share rows, each the other's best
 /// descriptor.
@@ -65,7 +67,8 @@ struct StereoMatches {
 };
 
 /// Both of the above.
-StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters);
+StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters,
+                          ThreadPool* threads);
 
 /// Where features are expected in frame k, and how far from there they are looked for.
 struct MotionPrediction {
@@ -99,12 +102,29 @@ CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
                               const StereoCamera& camera, const MotionPrediction& prediction,
                               const MatchingParameters& parameters);
 
-/// Aligns the patch round a pixel of one image with another image by translation (inverse
-/// compositional Lucas-Kanade with the mean brightness removed). Nothing if it does not converge
-/// near the initial place, or the patches differ. \param reference_px centre of the patch [px];
-/// \param initial_px where it is expected in the target.
-std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
-                                          const Eigen::Vector2f& reference_px,
-                                          const cv::Mat& target, const Eigen::Vector2f& initial_px);
+/// Aligns the patch round a pixel of one image, 11 x 11 px, with others by translation (inverse
+/// compositional Lucas-Kanade with the mean brightness removed).
+class PatchAligner {
+ public:
+  static constexpr int kSide = 11;
+  static constexpr int kPitch = 12;  ///< of rows in memory: the last column is not used
+  using Patch = std::array<float, kSide * kPitch>;
+
+  /// \param image CV_8UC1. \param pixel centre of the patch.
+  PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel);
+
+  /// Centre of the patch in the target. Nothing if it does not converge near the initial place, the
+  /// patches differ, or the patch has no corner.
+  std::optional<Eigen::Vector2f> align(const cv::Mat& target,
+                                       const Eigen::Vector2f& initial_px) const;
+
+ private:
+  Patch brightness_;  // each less its mean
+  Patch gx_;
+  Patch gy_;
+  Eigen::Vector2f at_brightness_;  // products of the gradients and the brightness
+  Eigen::Matrix2f inverse_hessian_;
+  bool usable_ = false;
+};
 
 }  // namespace point_line_odometry

@@ -20,7 +20,7 @@ struct LineParameters {
   bool enabled = true;
   double min_length_px = 20.0;
   int max_count = 300;
-  double min_gradient = 4.0;
+  double min_gradient = 5.0;
   double max_deviation_px = 1.0;
 };
 
@@ -63,6 +63,7 @@ struct TrackingParameters {
   double max_speed_m_s = 60.0;
   double max_turn_rate_deg_s = 400.0;
   bool refine_calibration = true;
+  int threads = 2;
 };
 
 /// All settings of the core.
@@ -165,6 +166,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
         "estimate and correct a small smooth displacement of the right image against its "
         "calibration");
+  visit("tracking/threads", p.tracking.threads, 1, 64, "",
+        "threads that work on one frame; results do not depend on it");
 }
 
 /// One sentence for each parameter that is out of its range, not a finite number or not among its

@@ -1,7 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -16,26 +15,21 @@ namespace point_line_odometry {
 class PointDetector {
  public:
   explicit PointDetector(const PointParameters& parameters);
+  PointDetector(PointDetector&&) noexcept;
+  PointDetector& operator=(PointDetector&&) noexcept;
+  ~PointDetector();
 
   /// Features in reading order of the cells, per level; pixels in the full-resolution image. The
   /// image must be CV_8UC1.
-  std::vector<PointFeature> detect(const cv::Mat& image) const;
+  std::vector<PointFeature> detect(const cv::Mat& image);
 
  private:
-  static constexpr int kRotations = 30;
-  static constexpr int kBits = 256;
+  struct Scratch;
 
-  struct Comparison {
-    cv::Point first;
-    cv::Point second;
-  };
-  using Pattern = std::array<Comparison, kBits>;
-
-  void detectLevel(const cv::Mat& image, int octave, std::vector<PointFeature>* features) const;
-  Descriptor describe(const cv::Mat& smooth, cv::Point centre, float angle_rad) const;
+  void detectLevel(const cv::Mat& image, int octave, std::vector<PointFeature>* features);
 
   PointParameters parameters_;
-  std::array<Pattern, kRotations> patterns_;  // the BRIEF pattern turned by multiples of 12 deg
+  std::unique_ptr<Scratch> scratch_;
 };
 
 }  // namespace point_line_odometry

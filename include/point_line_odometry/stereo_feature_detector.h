@@ -6,30 +6,31 @@
 #include "point_line_odometry/line_detector.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/point_detector.h"
+#include "point_line_odometry/thread_pool.h"
 
 namespace point_line_odometry {
 
-/// Detects and describes points and lines in both images of a stereo frame, left and right in
-/// parallel.
+/// Detects and describes points and lines in both images of a stereo frame, in parallel.
 class StereoFeatureDetector {
  public:
   StereoFeatureDetector(const PointParameters& points, const LineParameters& lines);
 
   /// The same result whatever the number of threads. Images must be CV_8UC1.
-  DetectedFeatures detect(const StereoImages& images);
+  DetectedFeatures detect(const StereoImages& images, ThreadPool* threads);
 
  private:
-  struct MonoFeatures {
-    std::vector<PointFeature> points;
-    std::vector<LineFeature> lines;
-  };
+  /// What finds the lines of one image, with its scratch memory.
+  struct LineStage {
+    GradientImage gradient;
+    LineDetector detector;
 
-  MonoFeatures detectMono(const cv::Mat& image, LineDetector* line_detector) const;
+    std::vector<LineFeature> detect(const cv::Mat& image);
+  };
 
   bool points_enabled_;
   bool lines_enabled_;
-  PointDetector point_detector_;
-  std::array<LineDetector, 2> line_detectors_;  // one an image: they keep scratch memory
+  std::array<PointDetector, 2> point_detectors_;  // left, right
+  std::array<LineStage, 2> line_stages_;
 };
 
 }  // namespace point_line_odometry

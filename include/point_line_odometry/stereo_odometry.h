@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "point_line_odometry/pose_integrator.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/stereo_feature_detector.h"
+#include "point_line_odometry/thread_pool.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -43,14 +45,17 @@ enum class TrackingReason {
 const char* toString(TrackingState state);
 const char* toString(TrackingReason reason);
 
-/// Stages whose time is taken. kNumStages counts them.
+/// Stages whose time is taken, in the order of their work; kTwoFrames runs beside kMatchCircular
+/// and kEstimate if there is a thread for it. kNumStages counts them.
 enum class Stage {
   kDetect,
   kMatchStereo,
-  kMatchCircular,
   kTriangulate,
+  kMatchCircular,  ///< and the sub-pixel places of the matches
   kEstimate,
+  kTwoFrames,  ///< matches with frame k-2 and estimate from them
   kFuse,
+  kRefine,  ///< of the calibration
   kNumStages
 };
 constexpr int kNumStages = static_cast<int>(Stage::kNumStages);
@@ -154,12 +159,19 @@ class StereoOdometry {
   const RightImageCorrection& correction() const { return refinement_.correction(); }
 
  private:
-  /// What the images say about the motion since the reference frame.
+  /// What an earlier frame and the current one say about the motion between them.
   struct Measurement {
     TrackingReason reason = TrackingReason::kNone;  // kNone: the motion is measured
-    CircularMatches matches;                        // (reference, current)
+    CircularMatches matches;                        // (earlier, current)
     Correspondences correspondences;
     MotionEstimate motion;
+  };
+
+  /// Where the times of a measurement go.
+  struct MeasureTimes {
+    StageTimes* times;
+    Stage match;
+    Stage estimate;
   };
 
   struct EarlierFrame {
@@ -168,9 +180,11 @@ class StereoOdometry {
   };
 
   StereoFrame makeFrame(const StereoImages& images, StageTimes* times);
-  Measurement measure(const StereoFrame& curr, StageTimes* times) const;
-  MotionEstimate fuseWithTwoFrameEstimate(const StereoFrame& curr,
-                                          const Measurement& measurement) const;
+  Measurement measure(const StereoFrame& curr, const StereoImages& images, StageTimes* times) const;
+  Measurement measureSince(const StereoFrame& earlier, const StereoFrame& curr,
+                           const StereoImages& images, const MotionPrediction& prediction,
+                           const MeasureTimes& times) const;
+  TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
   MotionPrediction predict(double dt_s) const;
   void integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s);
   bool shouldBecomeReference(const StereoFrame& curr, const Measurement& measurement) const;
@@ -183,6 +197,7 @@ class StereoOdometry {
 
   StereoCamera camera_;
   Parameters parameters_;
+  std::unique_ptr<ThreadPool> threads_;
   StereoFeatureDetector detector_;
   CalibrationRefinement refinement_;
 

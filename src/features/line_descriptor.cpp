@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 
 #include "point_line_odometry/line_detector.h"
 
@@ -36,49 +37,87 @@ std::array<BandPair, kPairs> bandPairs() {
   return pairs;
 }
 
-/// Sums of the gradient in the segment's own axes, for each row of pixels parallel to it. Pixels
-/// outside the image count as without gradient.
-RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
-  RowSums rows{};
-  const Eigen::Vector2f along = segment.direction();
-  const Eigen::Vector2f across(-along.y(), along.x());
-  const int samples = std::clamp(static_cast<int>(segment.length()), 2, kMaxSamples);
-  const Eigen::Vector2f step = (segment.end - segment.start) / static_cast<float>(samples - 1);
-  const auto width = static_cast<unsigned>(gradient.gx.cols);
-  const auto height = static_cast<unsigned>(gradient.gx.rows);
-  const short* gx = gradient.gx.ptr<short>();
-  const short* gy = gradient.gy.ptr<short>();
-  // Places in 1/65536 px: stepping needs no conversion from floating point.
-  constexpr float kOne = 65536.0F;
-  const auto step_x = static_cast<int>(step.x() * kOne);
-  const auto step_y = static_cast<int>(step.y() * kOne);
-  for (int row = 0; row < kRows; ++row) {
-    const Eigen::Vector2f begin =
-        segment.start + across * static_cast<float>(row - kRows / 2) + Eigen::Vector2f(0.5F, 0.5F);
-    int x_fixed = static_cast<int>(begin.x() * kOne);
-    int y_fixed = static_cast<int>(begin.y() * kOne);
-    float sum_across = 0.0F;
-    float sum_across_size = 0.0F;
-    float sum_along = 0.0F;
-    float sum_along_size = 0.0F;
-    for (int i = 0; i < samples; ++i, x_fixed += step_x, y_fixed += step_y) {
-      const int x = x_fixed >> 16;
-      const int y = y_fixed >> 16;
-      if (static_cast<unsigned>(x) >= width || static_cast<unsigned>(y) >= height) continue;
-      const std::size_t pixel = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
-      const auto dx = static_cast<float>(gx[pixel]);
-      const auto dy = static_cast<float>(gy[pixel]);
-      const float g_along = dx * along.x() + dy * along.y();
-      const float g_across = dx * across.x() + dy * across.y();
-      sum_across += g_across;
-      sum_across_size += std::abs(g_across);
-      sum_along += g_along;
-      sum_along_size += std::abs(g_along);
+/// The pixels of a row parallel to a segment, relative to the first, and the rows' first pixels.
+class SampleGrid {
+ public:
+  SampleGrid(const LineSegment& segment, cv::Size size) : size_(size) {
+    const Eigen::Vector2f along = segment.direction();
+    const Eigen::Vector2f across(-along.y(), along.x());
+    count_ = std::clamp(static_cast<int>(segment.length()), 2, kMaxSamples);
+    const Eigen::Vector2f step = (segment.end - segment.start) / static_cast<float>(count_ - 1);
+    for (int i = 0; i < count_; ++i) {
+      steps_[i] = nearestPixel(step * static_cast<float>(i));
+      offsets_[i] = steps_[i].y * size.width + steps_[i].x;
     }
-    const float half_mean = 0.5F / static_cast<float>(samples);
-    rows[row] = {
-        half_mean * (sum_across_size + sum_across), half_mean * (sum_across_size - sum_across),
-        half_mean * (sum_along_size + sum_along), half_mean * (sum_along_size - sum_along)};
+    for (int row = 0; row < kRows; ++row)
+      begins_[row] = nearestPixel(segment.start + across * static_cast<float>(row - kRows / 2));
+    inside_ = true;
+    for (const int row : {0, kRows - 1}) {
+      inside_ = inside_ && contains(begins_[row]) &&
+                contains(begins_[row] + steps_[static_cast<std::size_t>(count_ - 1)]);
+    }
+  }
+
+  int count() const { return count_; }
+
+  /// Gradient at the pixels of a row; 0 outside the image.
+  void sample(const GradientImage& gradient, int row, std::int16_t* gx, std::int16_t* gy) const {
+    const auto begin = static_cast<std::ptrdiff_t>(begins_[row].y) * size_.width + begins_[row].x;
+    const short* all_gx = gradient.gx.ptr<short>();
+    const short* all_gy = gradient.gy.ptr<short>();
+    for (int i = 0; i < count_; ++i) {
+      const bool seen = inside_ || contains(begins_[row] + steps_[i]);
+      gx[i] = seen ? all_gx[begin + offsets_[i]] : std::int16_t{0};
+      gy[i] = seen ? all_gy[begin + offsets_[i]] : std::int16_t{0};
+    }
+  }
+
+ private:
+  static cv::Point nearestPixel(const Eigen::Vector2f& p) {
+    return {cvRound(p.x()), cvRound(p.y())};
+  }
+  bool contains(const cv::Point& p) const {
+    return p.x >= 0 && p.y >= 0 && p.x < size_.width && p.y < size_.height;
+  }
+
+  cv::Size size_;
+  int count_ = 0;
+  bool inside_ = false;
+  std::array<cv::Point, kMaxSamples> steps_;
+  std::array<std::int32_t, kMaxSamples> offsets_{};
+  std::array<cv::Point, kRows> begins_;
+};
+
+/// Sums of the gradient in the segment's own axes, for each row of pixels parallel to it.
+RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
+  // In fixed point: 12 bits of a gradient, 12 of a direction, and 5 of the number of samples.
+  constexpr float kOne = 4096.0F;
+  const Eigen::Vector2f along = segment.direction();
+  const auto along_x = static_cast<std::int16_t>(cvRound(kOne * along.x()));
+  const auto along_y = static_cast<std::int16_t>(cvRound(kOne * along.y()));
+  const SampleGrid grid(segment, gradient.gx.size());
+  const float half_mean = 0.5F / (kOne * static_cast<float>(grid.count()));
+  std::array<std::int16_t, kMaxSamples> gx{};  // beyond the samples: zeros
+  std::array<std::int16_t, kMaxSamples> gy{};
+  RowSums rows{};
+  for (int row = 0; row < kRows; ++row) {
+    grid.sample(gradient, row, gx.data(), gy.data());
+    int across = 0;
+    int across_size = 0;
+    int parallel = 0;
+    int parallel_size = 0;
+    for (int i = 0; i < kMaxSamples; ++i) {
+      const int g_along = gx[i] * along_x + gy[i] * along_y;
+      const int g_across = gy[i] * along_x - gx[i] * along_y;
+      parallel += g_along;
+      parallel_size += std::abs(g_along);
+      across += g_across;
+      across_size += std::abs(g_across);
+    }
+    rows[row] = {half_mean * static_cast<float>(across_size + across),
+                 half_mean * static_cast<float>(across_size - across),
+                 half_mean * static_cast<float>(parallel_size + parallel),
+                 half_mean * static_cast<float>(parallel_size - parallel)};
   }
   return rows;
 }

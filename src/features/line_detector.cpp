@@ -1,173 +1,109 @@
 #include "point_line_odometry/line_detector.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
-#include <opencv2/imgproc.hpp>
 
+#include "features/edge_chains.h"
+#include "features/edge_map.h"
 #include "features/line_fit.h"
 
 namespace point_line_odometry {
 namespace {
 
-constexpr float kSobelScale = 8.0F;                // Sobel units per grey level per pixel
-constexpr float kCosTolerance2 = 0.853553391F;     // cos^2(22.5 deg): LSD's angle tolerance
-constexpr double kAlignedProbability = 1.0 / 8.0;  // that a random gradient is within it
-constexpr int kMaxGap = 7;            // pixels that a chain may jump, e.g. at a crossing
-constexpr int kSeedPixels = 8;        // of the first fit of a segment, and of a chain that may jump
-constexpr int kMaxOutliersInRow = 4;  // then the segment ends
-constexpr int kTableSize = 257;       // segment lengths with a limit of their own
+constexpr float kSobelScale = 8.0F;             // Sobel units per grey level per pixel
+constexpr float kCosTolerance2 = 0.853553391F;  // cos^2(22.5 deg): LSD's angle tolerance
+constexpr int kSeedPixels = 8;                  // of the first fit of a segment
+constexpr int kSeedStep = 2;                    // pixels to the next seed where one is not straight
+constexpr int kMaxOutliersInRow = 2;            // then the segment ends
+constexpr double kMaxBesideStronger = 0.3;      // share of a segment's pixels
 
-/// Mean gradient of a chain; pixels are compared with it.
-struct MeanGradient {
-  float x = 0.0F;
-  float y = 0.0F;
+/// Place of the ridge at a pixel, by a parabola across the edge.
+Eigen::Vector2f subpixel(const GradientImage& gradient, int x, int y) {
+  const auto i = static_cast<std::ptrdiff_t>(y) * gradient.gx.cols + x;
+  const ushort* magnitude = gradient.magnitude.ptr<ushort>() + i;
+  const bool across_x =
+      std::abs(gradient.gx.ptr<short>()[i]) >= std::abs(gradient.gy.ptr<short>()[i]);
+  const int step = across_x ? 1 : gradient.gx.cols;
+  const float before = magnitude[-step];
+  const float after = magnitude[step];
+  const float curvature = before - 2.0F * magnitude[0] + after;
+  const float offset =
+      curvature < 0.0F ? std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F) : 0.0F;
+  const Eigen::Vector2f pixel(static_cast<float>(x), static_cast<float>(y));
+  return across_x ? Eigen::Vector2f(pixel.x() + offset, pixel.y())
+                  : Eigen::Vector2f(pixel.x(), pixel.y() + offset);
+}
 
-  void add(float gx, float gy) {
-    x += gx;
-    y += gy;
-  }
-  bool agrees(float gx, float gy) const {
-    const float dot = gx * x + gy * y;
-    return dot > 0.0F && dot * dot >= kCosTolerance2 * (gx * gx + gy * gy) * (x * x + y * y);
-  }
-  bool steep() const { return std::abs(x) >= std::abs(y); }
-};
-
-/// The gradient by pixel index (row * width + column), and the walk along its ridges.
-class RidgeWalker {
+/// The gradient across a segment, along the normal that points to its brighter side.
+class AcrossGradient {
  public:
-  RidgeWalker(const GradientImage& gradient, int threshold, std::uint8_t* visited)
+  AcrossGradient(const GradientImage& gradient, const LineSegment& segment)
       : gx_(gradient.gx.ptr<short>()),
         gy_(gradient.gy.ptr<short>()),
-        magnitude_(gradient.magnitude.ptr<ushort>()),
-        visited_(visited),
         width_(gradient.gx.cols),
         height_(gradient.gx.rows),
-        threshold_(threshold) {
-    std::fill_n(visited_, gradient.gx.total(), std::uint8_t{0});
-    for (int x = 0; x < width_; ++x) visited_[x] = visited_[(height_ - 1) * width_ + x] = kBorder;
-    for (int y = 0; y < height_; ++y)
-      visited_[y * width_] = visited_[y * width_ + width_ - 1] = kBorder;
+        along_(segment.direction()) {}
+
+  /// At the nearest pixel of p + distance * normal; 0 outside the image.
+  float at(const Eigen::Vector2f& p, float distance) const {
+    const int i = index(p.x() - distance * along_.y(), p.y() + distance * along_.x());
+    return i < 0 ? 0.0F : gy_[i] * along_.x() - gx_[i] * along_.y();
   }
 
-  static constexpr std::uint8_t kVisited = 1;
-  static constexpr std::uint8_t kBeside = 2;
-  static constexpr std::uint8_t kBorder = 3;
-
-  bool visited(int i) const { return visited_[i] != 0; }
-  int column(int i) const { return i % width_; }
-  int row(int i) const { return i / width_; }
-  bool inside(int x, int y) const { return x >= 1 && y >= 1 && x < width_ - 1 && y < height_ - 1; }
-
-  /// Takes a pixel into the chain. Its neighbours across the edge belong to the same edge and start
-  /// no chain of their own.
-  void visit(int i, MeanGradient* mean) {
-    visited_[i] = kVisited;
-    mean->add(gx_[i], gy_[i]);
-    const int step = mean->steep() ? 1 : width_;
-    for (const int beside : {i - step, i + step}) {
-      if (visited_[beside] == 0 && mean->agrees(gx_[beside], gy_[beside]))
-        visited_[beside] = kBeside;
-    }
-  }
-
-  /// Appends the pixels of the ridge that continues the chain; `sign` +1 walks with the brighter
-  /// side on the right hand.
-  void walk(int sign, MeanGradient* mean, std::vector<std::int32_t>* chain) {
-    for (int next = chain->back();;) {
-      int following = neighbour(next, sign, *mean);
-      if (following < 0 && chain->size() >= kSeedPixels) following = beyondGap(next, sign, *mean);
-      if (following < 0) return;
-      visit(following, mean);
-      chain->push_back(following);
-      next = following;
-    }
-  }
-
-  /// Place of the ridge through a pixel, by a parabola across the edge.
-  Eigen::Vector2f subpixel(int i) const {
-    const bool across_x = std::abs(gx_[i]) >= std::abs(gy_[i]);
-    const int step = across_x ? 1 : width_;
-    const float before = magnitude_[i - step];
-    const float here = magnitude_[i];
-    const float after = magnitude_[i + step];
-    const float curvature = before - 2.0F * here + after;
-    const float offset =
-        curvature < 0.0F ? std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F) : 0.0F;
-    const auto x = static_cast<float>(column(i));
-    const auto y = static_cast<float>(row(i));
-    return across_x ? Eigen::Vector2f(x + offset, y) : Eigen::Vector2f(x, y + offset);
-  }
-
-  /// How many of the pixels along a segment, one per pixel of length, have a gradient across it.
-  int countAligned(const LineSegment& segment, int n) const {
-    const Eigen::Vector2f direction = segment.direction();
-    const MeanGradient normal{-direction.y(), direction.x()};
-    Eigen::Vector2f p = segment.start + Eigen::Vector2f(0.5F, 0.5F);
-    int aligned = 0;
-    for (int k = 0; k < n; ++k, p += direction) {
-      const int x = static_cast<int>(p.x());
-      const int y = static_cast<int>(p.y());
-      if (!inside(x, y)) continue;
-      const int i = y * width_ + x;
-      aligned += normal.agrees(gx_[i], gy_[i]) ? 1 : 0;
-    }
-    return aligned;
+  /// Whether the gradient at the nearest pixel is within LSD's angle tolerance of the normal.
+  bool alignedAt(const Eigen::Vector2f& p) const {
+    const int i = index(p.x(), p.y());
+    if (i < 0) return false;
+    const float gx = gx_[i];
+    const float gy = gy_[i];
+    const float across = gy * along_.x() - gx * along_.y();
+    return across > 0.0F && across * across >= kCosTolerance2 * (gx * gx + gy * gy);
   }
 
  private:
-  bool usable(int i, const MeanGradient& mean) const {
-    return magnitude_[i] >= threshold_ && visited_[i] == 0 && mean.agrees(gx_[i], gy_[i]);
-  }
-
-  /// The strongest usable one of three pixels across the walk, or -1. Pixels of the border are
-  /// never usable.
-  int strongestAcross(int i, const MeanGradient& mean) const {
-    const int step = mean.steep() ? 1 : width_;
-    int best = -1;
-    int best_magnitude = 0;
-    for (const int candidate : {i, i - step, i + step}) {
-      if (magnitude_[candidate] <= best_magnitude || !usable(candidate, mean)) continue;
-      best = candidate;
-      best_magnitude = magnitude_[candidate];
-    }
-    return best;
-  }
-
-  /// The next pixel of the ridge: one step along its main axis. The edge's direction is (mean.y,
-  /// -mean.x).
-  int neighbour(int i, int sign, const MeanGradient& mean) const {
-    const int step = mean.steep() ? (mean.x > 0.0F ? -width_ : width_) : (mean.y > 0.0F ? 1 : -1);
-    const int next = i + sign * step;
-    // On the border its own neighbours may lie outside the image.
-    return isBorder(next) ? -1 : strongestAcross(next, mean);
-  }
-
-  bool isBorder(int i) const { return visited_[i] == kBorder; }
-
-  /// The pixel straight ahead where the ridge goes on for at least two pixels, or -1.
-  int beyondGap(int i, int sign, const MeanGradient& mean) const {
-    const float scale = static_cast<float>(sign) / std::max(std::abs(mean.x), std::abs(mean.y));
-    for (int gap = 2; gap <= kMaxGap; ++gap) {
-      const int x = column(i) + cvRound(mean.y * scale * static_cast<float>(gap));
-      const int y = row(i) - cvRound(mean.x * scale * static_cast<float>(gap));
-      if (!inside(x, y)) return -1;
-      const int landing = strongestAcross(y * width_ + x, mean);
-      if (landing >= 0 && neighbour(landing, sign, mean) >= 0) return landing;
-    }
-    return -1;
+  int index(float x, float y) const {
+    const int column = static_cast<int>(x + 0.5F);
+    const int row = static_cast<int>(y + 0.5F);
+    const bool inside = x >= -0.5F && y >= -0.5F && column < width_ && row < height_;
+    return inside ? row * width_ + column : -1;
   }
 
   const short* gx_;
   const short* gy_;
-  const ushort* magnitude_;
-  std::uint8_t* visited_;
   int width_;
   int height_;
-  int threshold_;
+  Eigen::Vector2f along_;
 };
+
+/// How many of the first n pixels along a segment, one per pixel of length, have a gradient across
+/// it.
+int countAligned(const GradientImage& gradient, const LineSegment& segment, int n) {
+  const AcrossGradient across(gradient, segment);
+  const Eigen::Vector2f along = segment.direction();
+  int aligned = 0;
+  for (int k = 0; k < n; ++k)
+    aligned += across.alignedAt(segment.start + along * static_cast<float>(k)) ? 1 : 0;
+  return aligned;
+}
+
+/// Whether the segment lies on the strongest edge of its kind within 3 px, at all but 30 % of its
+/// pixels. One beside a stronger edge is neither found again nor exact. Looks at every other pixel.
+bool onStrongestEdge(const GradientImage& gradient, const LineSegment& segment, int n) {
+  const AcrossGradient across(gradient, segment);
+  const Eigen::Vector2f along = segment.direction();
+  int samples = 0;
+  int beside_stronger = 0;
+  for (int k = 0; k < n; k += 2) {
+    const Eigen::Vector2f p = segment.start + along * static_cast<float>(k);
+    const float own = std::max({across.at(p, -1.0F), across.at(p, 0.0F), across.at(p, 1.0F)});
+    const float other = std::max(
+        {across.at(p, -3.0F), across.at(p, -2.0F), across.at(p, 2.0F), across.at(p, 3.0F)});
+    ++samples;
+    beside_stronger += other > own ? 1 : 0;
+  }
+  return beside_stronger <= kMaxBesideStronger * samples;
+}
 
 /// A straight piece of a chain: its line, and its pixels [begin, end).
 struct StraightPiece {
@@ -180,7 +116,7 @@ struct StraightPiece {
 /// Empty at the chain's end.
 StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& places, std::size_t begin,
                                 double max_deviation) {
-  for (; begin + kSeedPixels <= places.size(); ++begin) {
+  for (; begin + kSeedPixels <= places.size(); begin += kSeedStep) {
     LineFit fit;
     for (std::size_t i = begin; i < begin + kSeedPixels; ++i) fit.add(places[i]);
     fit.solve();
@@ -202,110 +138,39 @@ StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& places, std:
   return {{}, places.size(), places.size()};
 }
 
-/// Least k with sum_{i >= k} C(n, i) p^i (1 - p)^(n - i) * 10^log10_tests <= 1; n + 1 if there is
-/// none.
-int fewestAlignedPixels(int n, double log10_tests) {
-  const double log_p = std::log10(kAlignedProbability);
-  const double log_q = std::log10(1.0 - kAlignedProbability);
-  double log_binomial = 0.0;
-  double false_alarms = 0.0;
-  for (int k = n; k > 0; --k) {
-    false_alarms += std::pow(10.0, log_binomial + k * log_p + (n - k) * log_q + log10_tests);
-    if (false_alarms > 1.0) return k + 1;
-    log_binomial += std::log10(static_cast<double>(k)) - std::log10(static_cast<double>(n - k + 1));
-  }
-  return 1;
-}
-
 }  // namespace
 
-GradientImage computeGradient(const cv::Mat& image) {
-  GradientImage gradient;
-  cv::Mat smooth;
-  cv::GaussianBlur(image, smooth, cv::Size(5, 5), 1.0, 1.0,
-                   cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-  cv::spatialGradient(smooth, gradient.gx, gradient.gy, 3, cv::BORDER_REPLICATE);
-  gradient.magnitude.create(image.size(), CV_16UC1);
-  for (int y = 0; y < image.rows; ++y) {
-    const short* gx = gradient.gx.ptr<short>(y);
-    const short* gy = gradient.gy.ptr<short>(y);
-    ushort* magnitude = gradient.magnitude.ptr<ushort>(y);
-    for (int x = 0; x < image.cols; ++x) {
-      magnitude[x] = static_cast<ushort>(std::abs(gx[x]) + std::abs(gy[x]));
-    }
-  }
-  return gradient;
-}
+/// Scratch memory, kept from image to image.
+struct LineDetector::Scratch {
+  AContrarioTable table;
+  EdgeMap map;
+  EdgeChains chains;
+  std::vector<Eigen::Vector2f> places;  // of a chain's pixels, sub-pixel
+};
 
-AContrarioTable::AContrarioTable(cv::Size image_size) : image_size_(image_size) {
-  const double log10_tests = 2.5 * std::log10(static_cast<double>(image_size.area()));
-  for (int n = 0; n < kTableSize; ++n) fewest_.push_back(fewestAlignedPixels(n, log10_tests));
-}
-
-bool AContrarioTable::meaningful(int n, int aligned) const {
-  if (n < kTableSize) return aligned >= fewest_[n];
-  // Beyond the table the share of its last entry is asked for, which is stricter.
-  return static_cast<std::int64_t>(aligned) * (kTableSize - 1) >=
-         static_cast<std::int64_t>(fewest_.back()) * n;
-}
-
-void LineDetector::findAnchors(const GradientImage& gradient, int threshold) {
-  constexpr int kBins = 256;
-  constexpr int kBinShift = 3;
-  const auto binOf = [](int magnitude) {
-    return kBins - 1 - std::min(magnitude >> kBinShift, kBins - 1);
-  };
-  std::array<int, kBins + 1> begins{};
-  const int width = gradient.magnitude.cols;
-  const ushort* all = gradient.magnitude.ptr<ushort>();
-  candidates_.clear();
-  for (int y = 1; y < gradient.magnitude.rows - 1; ++y) {
-    const ushort* magnitude = gradient.magnitude.ptr<ushort>(y);
-    const short* gx = gradient.gx.ptr<short>(y);
-    const short* gy = gradient.gy.ptr<short>(y);
-    for (int x = 1; x < width - 1; ++x) {
-      const int here = magnitude[x];
-      if (here < threshold) continue;
-      const int step = std::abs(gx[x]) >= std::abs(gy[x]) ? 1 : width;
-      if (here <= magnitude[x - step] || here < magnitude[x + step]) continue;
-      candidates_.push_back(y * width + x);
-      ++begins[binOf(here) + 1];
-    }
-  }
-  for (int bin = 1; bin <= kBins; ++bin) begins[bin] += begins[bin - 1];
-  anchors_.resize(candidates_.size());
-  for (const std::int32_t i : candidates_) anchors_[begins[binOf(all[i])]++] = i;
-}
+LineDetector::LineDetector(const LineParameters& parameters)
+    : parameters_(parameters), scratch_(std::make_unique<Scratch>()) {}
+LineDetector::LineDetector(LineDetector&&) noexcept = default;
+LineDetector& LineDetector::operator=(LineDetector&&) noexcept = default;
+LineDetector::~LineDetector() = default;
 
 std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
   std::vector<LineSegment> segments;
-  if (gradient.gx.cols < 3 || gradient.gx.rows < 3) return segments;
+  const cv::Size size = gradient.gx.size();
+  if (size.width < 3 || size.height < 3) return segments;
+  if (scratch_->table.imageSize() != size) scratch_->table = AContrarioTable(size);
+  EdgeMap& map = scratch_->map;
   const int threshold = static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale));
-  if (table_.imageSize() != gradient.gx.size()) table_ = AContrarioTable(gradient.gx.size());
-  visited_.resize(gradient.gx.total());
-  findAnchors(gradient, threshold);
-
-  RidgeWalker walker(gradient, threshold, visited_.data());
-  for (const std::int32_t anchor : anchors_) {
-    if (walker.visited(anchor)) continue;
-    MeanGradient mean;
-    walker.visit(anchor, &mean);
-    chain_.assign(1, anchor);
-    walker.walk(-1, &mean, &chain_);
-    std::reverse(chain_.begin(), chain_.end());
-    walker.walk(1, &mean, &chain_);
-    if (static_cast<double>(chain_.size()) < 0.5 * parameters_.min_length_px) continue;
-
-    places_.clear();
-    for (const std::int32_t i : chain_) places_.push_back(walker.subpixel(i));
-    for (std::size_t begin = 0; begin < places_.size();) {
-      const StraightPiece piece = nextStraightPiece(places_, begin, parameters_.max_deviation_px);
-      begin = piece.end;
-      if (piece.segment.length() < parameters_.min_length_px) continue;
-      const int n = static_cast<int>(piece.segment.length()) + 1;
-      if (table_.meaningful(n, walker.countAligned(piece.segment, n)))
-        segments.push_back(piece.segment);
-    }
+  const int anchor_interval = std::clamp(static_cast<int>(0.4 * parameters_.min_length_px), 1, 8);
+  map.compute(gradient, threshold, anchor_interval);
+  for (const std::int32_t anchor : map.anchors()) {
+    if (!map[anchor]) continue;
+    const std::vector<std::int32_t>& chain = scratch_->chains.follow(anchor, &map);
+    if (static_cast<double>(chain.size()) < 0.5 * parameters_.min_length_px) continue;
+    scratch_->places.clear();
+    for (const std::int32_t i : chain)
+      scratch_->places.push_back(subpixel(gradient, map.column(i), map.row(i)));
+    addSegments(gradient, &segments);
   }
   std::stable_sort(
       segments.begin(), segments.end(),
@@ -313,6 +178,22 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
   if (static_cast<int>(segments.size()) > parameters_.max_count)
     segments.resize(parameters_.max_count);
   return segments;
+}
+
+/// Appends the straight, meaningful pieces of the chain in the scratch memory.
+void LineDetector::addSegments(const GradientImage& gradient,
+                               std::vector<LineSegment>* segments) const {
+  const std::vector<Eigen::Vector2f>& places = scratch_->places;
+  for (std::size_t begin = 0; begin < places.size();) {
+    const StraightPiece piece = nextStraightPiece(places, begin, parameters_.max_deviation_px);
+    begin = piece.end;
+    if (piece.segment.length() < parameters_.min_length_px) continue;
+    const int n = static_cast<int>(piece.segment.length()) + 1;
+    if (scratch_->table.meaningful(n, countAligned(gradient, piece.segment, n)) &&
+        onStrongestEdge(gradient, piece.segment, n)) {
+      segments->push_back(piece.segment);
+    }
+  }
 }
 
 }  // namespace point_line_odometry

@@ -1,40 +1,41 @@
 #include "point_line_odometry/stereo_feature_detector.h"
 
-#include <opencv2/core/utility.hpp>
-
 namespace point_line_odometry {
 
 StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
                                              const LineParameters& lines)
     : points_enabled_(points.enabled),
       lines_enabled_(lines.enabled),
-      point_detector_(points),
-      line_detectors_{LineDetector(lines), LineDetector(lines)} {}
+      point_detectors_{PointDetector(points), PointDetector(points)},
+      line_stages_{LineStage{{}, LineDetector(lines)}, LineStage{{}, LineDetector(lines)}} {}
 
-StereoFeatureDetector::MonoFeatures StereoFeatureDetector::detectMono(
-    const cv::Mat& image, LineDetector* line_detector) const {
-  MonoFeatures features;
-  if (points_enabled_) features.points = point_detector_.detect(image);
-  if (lines_enabled_) {
-    const GradientImage gradient = computeGradient(image);
-    const std::vector<LineSegment> segments = line_detector->detect(gradient);
-    const std::vector<Descriptor> descriptors = describeLines(gradient, segments);
-    features.lines.reserve(segments.size());
-    for (std::size_t i = 0; i < segments.size(); ++i)
-      features.lines.push_back({segments[i], descriptors[i]});
-  }
+std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat& image) {
+  computeGradient(image, &gradient);
+  const std::vector<LineSegment> segments = detector.detect(gradient);
+  const std::vector<Descriptor> descriptors = describeLines(gradient, segments);
+  std::vector<LineFeature> features;
+  features.reserve(segments.size());
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    features.push_back({segments[i], descriptors[i]});
   return features;
 }
 
-DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images) {
-  const std::array<const cv::Mat*, 2> mats{&images.left, &images.right};
-  std::array<MonoFeatures, 2> features;
-  cv::parallel_for_(cv::Range(0, 2), [&](const cv::Range& range) {
-    for (int i = range.start; i < range.end; ++i)
-      features[i] = detectMono(*mats[i], &line_detectors_[i]);
+DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads) {
+  DetectedFeatures features;
+  // Lines first: they take longer.
+  threads->run(4, [&](int task) {
+    const bool left = task % 2 == 0;
+    const cv::Mat& image = left ? images.left : images.right;
+    if (task < 2 && lines_enabled_) {
+      (left ? features.lines_left : features.lines_right) =
+          line_stages_[left ? 0 : 1].detect(image);
+    }
+    if (task >= 2 && points_enabled_) {
+      (left ? features.points_left : features.points_right) =
+          point_detectors_[left ? 0 : 1].detect(image);
+    }
   });
-  return {std::move(features[0].points), std::move(features[1].points),
-          std::move(features[0].lines), std::move(features[1].lines)};
+  return features;
 }
 
 }  // namespace point_line_odometry

@@ -1,17 +1,15 @@
 #pragma once
 
-#include <cstdlib>
-
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
 /// Number of differing bits, 0 ... 256.
-inline int hammingDistance(const Descriptor& a, const Descriptor& b) {
-  int distance = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) distance += __builtin_popcountll(a[i] ^ b[i]);
-  return distance;
-}
+int hammingDistance(const Descriptor& a, const Descriptor& b);
+
+/// Distances of one descriptor to others: distances[k] is that to to[places[k]].
+void hammingDistances(const Descriptor& from, const Descriptor* to, const int* places, int count,
+                      int* distances);
 
 /// Keeps the best and second-best candidate of a search.
 struct BestTwo {

@@ -30,62 +30,37 @@ float overlapRatio(float a0, float a1, float b0, float b1) {
   return shorter > 0.0F ? common / shorter : 0.0F;
 }
 
+/// A segment with what is asked of it again and again.
+struct Segment : LineSegment {
+  Eigen::Vector2f along;
+  float size;
+
+  Segment(const LineSegment& segment)  // NOLINT(runtime/explicit): the same thing, prepared
+      : LineSegment(segment), along(segment.direction()), size(segment.length()) {}
+};
+
 /// Direction and length: the appearance-geometry constraint that both kinds of search share.
-bool alike(const LineSegment& a, const LineSegment& b, const SegmentLimits& limits) {
-  if (a.direction().dot(b.direction()) < limits.min_cosine) return false;
-  const float la = a.length();
-  const float lb = b.length();
-  return std::min(la, lb) >= limits.min_length_ratio * std::max(la, lb);
+bool alike(const Segment& a, const Segment& b, const SegmentLimits& limits) {
+  return a.along.dot(b.along) >= limits.min_cosine &&
+         std::min(a.size, b.size) >= limits.min_length_ratio * std::max(a.size, b.size);
 }
 
-float distanceToInfiniteLine(const LineSegment& line, const Eigen::Vector2f& p) {
-  const Eigen::Vector2f d = line.direction();
+float distanceToInfiniteLine(const Segment& line, const Eigen::Vector2f& p) {
   const Eigen::Vector2f q = p - line.start;
-  return std::abs(d.x() * q.y() - d.y() * q.x());
+  return std::abs(line.along.x() * q.y() - line.along.y() * q.x());
 }
 
-bool collinear(const LineSegment& a, const LineSegment& b) {
+bool collinear(const Segment& a, const Segment& b) {
   return distanceToInfiniteLine(a, b.start) < kCollinearPx &&
          distanceToInfiniteLine(a, b.end) < kCollinearPx;
 }
 
-/// Best and second-best descriptor; a piece of the same edge as the best is not a rival.
-class LineSearch {
- public:
-  explicit LineSearch(const std::vector<LineSegment>& candidates) : candidates_(candidates) {}
-
-  void offer(int index, int distance) { offers_.push_back({index, distance}); }
-
-  int accepted(const MatchingParameters& parameters) const {
-    const auto best =
-        std::min_element(offers_.begin(), offers_.end(), [](const Offer& a, const Offer& b) {
-          return a.distance != b.distance ? a.distance < b.distance : a.index < b.index;
-        });
-    if (best == offers_.end() || best->distance > parameters.max_line_distance) return -1;
-    for (const Offer& other : offers_) {
-      if (other.index == best->index ||
-          best->distance < parameters.max_distance_ratio * other.distance)
-        continue;
-      if (!collinear(candidates_[best->index], candidates_[other.index])) return -1;
-    }
-    return best->index;
-  }
-
- private:
-  struct Offer {
-    int index;
-    int distance;
-  };
-  const std::vector<LineSegment>& candidates_;
-  std::vector<Offer> offers_;
-};
-
 struct LineViews {
-  std::vector<LineSegment> segments;
+  std::vector<Segment> segments;
   std::vector<Descriptor> descriptors;
 
   void add(const LineSegment& segment, const Descriptor& descriptor) {
-    segments.push_back(segment);
+    segments.emplace_back(segment);
     descriptors.push_back(descriptor);
   }
 };
@@ -96,63 +71,98 @@ LineViews viewsOf(const std::vector<LineFeature>& features) {
   return views;
 }
 
-/// Disparity range in which a left and a right segment may pair; `sign` is +1 from left to right,
-/// -1 back.
+/// Finds the segment with the best descriptor among those that fit; a piece of the same edge as the
+/// best is not a rival.
+class LineSearch {
+ public:
+  LineSearch(const LineViews& candidates, const MatchingParameters& parameters)
+      : candidates_(candidates),
+        parameters_(parameters),
+        grid_({candidates.segments.begin(), candidates.segments.end()}) {}
+
+  /// The best of the candidates that touch the box and for which `fits(segment)` holds, or -1.
+  template <typename Fits>
+  int best(const Descriptor& descriptor, const Eigen::AlignedBox2f& box, Fits&& fits) {
+    places_.clear();
+    grid_.forEachNear(box, [&](int k) {
+      if (fits(candidates_.segments[k])) places_.push_back(k);
+    });
+    distances_.resize(places_.size());
+    hammingDistances(descriptor, candidates_.descriptors.data(), places_.data(),
+                     static_cast<int>(places_.size()), distances_.data());
+    return accepted();
+  }
+
+ private:
+  int accepted() const {
+    std::size_t best = 0;
+    for (std::size_t k = 1; k < places_.size(); ++k) {
+      if (distances_[k] < distances_[best] ||
+          (distances_[k] == distances_[best] && places_[k] < places_[best])) {
+        best = k;
+      }
+    }
+    if (places_.empty() || distances_[best] > parameters_.max_line_distance) return -1;
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      if (k == best || distances_[best] < parameters_.max_distance_ratio * distances_[k]) continue;
+      if (!collinear(candidates_.segments[places_[best]], candidates_.segments[places_[k]]))
+        return -1;
+    }
+    return places_[best];
+  }
+
+  const LineViews& candidates_;
+  const MatchingParameters& parameters_;
+  SegmentGrid grid_;
+  std::vector<int> places_;
+  std::vector<int> distances_;
+};
+
+/// For each left segment the best right one (`sign` +1), or the other way round (-1), else -1.
 std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int sign,
                                 const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
-  const SegmentGrid grid(to.segments);
-  std::vector<int> partners(from.segments.size(), -1);
+  LineSearch search(to, parameters);
+  std::vector<int> partners;
+  partners.reserve(from.segments.size());
   for (std::size_t i = 0; i < from.segments.size(); ++i) {
-    const LineSegment& a = from.segments[i];
+    const Segment& a = from.segments[i];
     Eigen::AlignedBox2f box(a.start.cwiseMin(a.end), a.start.cwiseMax(a.end));
     const auto reach = static_cast<float>(parameters.max_disparity_px);
     (sign > 0 ? box.min().x() : box.max().x()) -= sign * reach;
-    LineSearch search(to.segments);
-    grid.forEachNear(box, [&](int k) {
-      const LineSegment& b = to.segments[k];
-      if (!alike(a, b, limits)) return;
+    partners.push_back(search.best(from.descriptors[i], box, [&](const Segment& b) {
+      if (!alike(a, b, limits)) return false;
       const float height = std::abs(a.end.y() - a.start.y()) + std::abs(b.end.y() - b.start.y());
       const bool flat = height < 2.0F * static_cast<float>(parameters.max_row_difference_px);
       const bool share_rows =
           flat ? std::abs(a.middle().y() - b.middle().y()) <= parameters.max_row_difference_px
                : overlapRatio(a.start.y(), a.end.y(), b.start.y(), b.end.y()) >= limits.min_overlap;
       const float disparity = sign * (a.middle().x() - b.middle().x());
-      const float slack = 0.5F * (a.length() + b.length());  // end points slide along the edge
-      if (!share_rows || disparity < -slack || disparity > parameters.max_disparity_px + slack)
-        return;
-      search.offer(k, hammingDistance(from.descriptors[i], to.descriptors[k]));
-    });
-    partners[i] = search.accepted(parameters);
+      const float slack = 0.5F * (a.size + b.size);  // end points slide along the edge
+      return share_rows && disparity >= -slack && disparity <= parameters.max_disparity_px + slack;
+    }));
   }
   return partners;
 }
 
-/// For each segment of `from` the best of `to` that lies near its expected place, or -1.
-std::vector<int> bestNearExpected(const std::vector<Descriptor>& from,
-                                  const std::vector<LineSegment>& expected, const LineViews& to,
-                                  double radius_px, const MatchingParameters& parameters) {
+/// For each segment of `from`, which stand where they are expected, the best of `to` near it, or
+/// -1.
+std::vector<int> bestNearExpected(const LineViews& from, const LineViews& to, double radius_px,
+                                  const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
-  const SegmentGrid grid(to.segments);
+  LineSearch search(to, parameters);
   const auto radius = static_cast<float>(radius_px);
-  std::vector<int> partners(from.size(), -1);
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const LineSegment& a = expected[i];
-    const Eigen::Vector2f reach(radius, radius);
-    const Eigen::Vector2f along = a.direction();
-    LineSearch search(to.segments);
-    grid.forEachNear({a.start.cwiseMin(a.end) - reach, a.start.cwiseMax(a.end) + reach},
-                     [&](int k) {
-                       const LineSegment& b = to.segments[k];
-                       if (!alike(a, b, limits) || distanceToInfiniteLine(a, b.middle()) > radius)
-                         return;
-                       if (overlapRatio(0.0F, a.length(), along.dot(b.start - a.start),
-                                        along.dot(b.end - a.start)) < limits.min_overlap) {
-                         return;
-                       }
-                       search.offer(k, hammingDistance(from[i], to.descriptors[k]));
-                     });
-    partners[i] = search.accepted(parameters);
+  const Eigen::Vector2f reach(radius, radius);
+  std::vector<int> partners;
+  partners.reserve(from.segments.size());
+  for (std::size_t i = 0; i < from.segments.size(); ++i) {
+    const Segment& a = from.segments[i];
+    const Eigen::AlignedBox2f box(a.start.cwiseMin(a.end) - reach, a.start.cwiseMax(a.end) + reach);
+    partners.push_back(search.best(from.descriptors[i], box, [&](const Segment& b) {
+      return alike(a, b, limits) && distanceToInfiniteLine(a, b.middle()) <= radius &&
+             overlapRatio(0.0F, a.size, a.along.dot(b.start - a.start),
+                          a.along.dot(b.end - a.start)) >= limits.min_overlap;
+    }));
   }
   return partners;
 }
@@ -238,10 +248,9 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
   const std::vector<int> forward =
-      bestNearExpected(expected_right.descriptors, expected_right.segments, curr_right,
-                       prediction.radius_px, parameters);
-  const std::vector<int> backward = bestNearExpected(
-      curr_left.descriptors, curr_left.segments, expected_left, prediction.radius_px, parameters);
+      bestNearExpected(expected_right, curr_right, prediction.radius_px, parameters);
+  const std::vector<int> backward =
+      bestNearExpected(curr_left, expected_left, prediction.radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
     if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
@@ -250,9 +259,13 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
   return pairs;
 }
 
-StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters) {
-  return {matchPointsStereo(features.points_left, features.points_right, parameters),
-          matchLinesStereo(features.lines_left, features.lines_right, parameters)};
+StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters,
+                          ThreadPool* threads) {
+  StereoMatches matches;
+  matches.points =
+      matchPointsStereo(features.points_left, features.points_right, parameters, threads);
+  matches.lines = matchLinesStereo(features.lines_left, features.lines_right, parameters);
+  return matches;
 }
 
 CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,

@@ -1,114 +1,132 @@
 #include <cmath>
 
-#include "matching/descriptor_distance.h"
-#include "matching/pixel_grid.h"
+#include "matching/point_grid.h"
 #include "point_line_odometry/matching.h"
 
 namespace point_line_odometry {
 namespace {
 
-constexpr int kCellPx = 10;
-
-std::vector<Eigen::Vector2f> pixelsOf(const std::vector<PointFeature>& features) {
+/// Pixels and descriptors of points.
+struct PointViews {
   std::vector<Eigen::Vector2f> pixels;
-  pixels.reserve(features.size());
-  for (const PointFeature& feature : features) pixels.push_back(feature.pixel);
-  return pixels;
+  std::vector<Descriptor> descriptors;
+
+  void reserve(std::size_t size) {
+    pixels.reserve(size);
+    descriptors.reserve(size);
+  }
+  void add(const Eigen::Vector2f& pixel, const Descriptor& descriptor) {
+    pixels.push_back(pixel);
+    descriptors.push_back(descriptor);
+  }
+};
+
+PointViews viewsOf(const std::vector<PointFeature>& features) {
+  PointViews views;
+  views.reserve(features.size());
+  for (const PointFeature& feature : features) views.add(feature.pixel, feature.descriptor);
+  return views;
 }
 
-Eigen::Vector2f extent(const std::vector<Eigen::Vector2f>& pixels) {
-  Eigen::Vector2f high = Eigen::Vector2f::Zero();
-  for (const Eigen::Vector2f& pixel : pixels) high = high.cwiseMax(pixel);
-  return high;
-}
-
-PixelGrid makeGrid(const std::vector<Eigen::Vector2f>& pixels) {
-  const Eigen::Vector2f size = extent(pixels);
-  PixelGrid grid(static_cast<int>(size.x()) + 1, static_cast<int>(size.y()) + 1, kCellPx);
-  grid.fill(pixels);
+/// Stereo pairs are looked for in flat windows: a few rows high.
+PointGrid rowGrid(const PointViews& points) {
+  PointGrid grid(32, 4);
+  grid.fill(points.pixels, points.descriptors);
   return grid;
 }
 
-/// Best partner of `from` among `to` within the rectangle low..high, or -1.
-int bestWithin(const PointFeature& from, const std::vector<PointFeature>& to, const PixelGrid& grid,
-               const Eigen::AlignedBox2f& window, const MatchingParameters& parameters) {
-  BestTwo search;
-  grid.forEachNear(window.min(), window.max(), [&](int i) {
-    if (!window.contains(to[i].pixel) || std::abs(to[i].octave - from.octave) > 1) return;
-    search.offer(i, hammingDistance(from.descriptor, to[i].descriptor));
-  });
-  return search.accepted(parameters.max_point_distance, parameters.max_distance_ratio);
-}
-
-/// One leg of the circle between frames: for each point of `from` the best of `to` in a disc round
-/// its expected pixel, or -1.
-struct TemporalLeg {
-  const std::vector<Descriptor>& from;
-  const std::vector<Eigen::Vector2f>& expected;
-  const std::vector<Descriptor>& to;
-  const std::vector<Eigen::Vector2f>& to_pixels;
-};
-
-std::vector<int> bestInDiscs(const TemporalLeg& leg, double radius_px,
+/// One leg of the circle between frames: for each point of `from`, whose pixels are the expected
+/// ones, the best of `to` in a disc, or -1.
+std::vector<int> bestInDiscs(const PointViews& from, const PointViews& to, double radius_px,
                              const MatchingParameters& parameters) {
-  const PixelGrid grid = makeGrid(leg.to_pixels);
+  PointGrid grid(16, 16);
+  grid.fill(to.pixels, to.descriptors);
   const auto radius = static_cast<float>(radius_px);
   const Eigen::Vector2f reach(radius, radius);
-  std::vector<int> partners(leg.from.size(), -1);
-  for (std::size_t i = 0; i < leg.from.size(); ++i) {
-    const Eigen::Vector2f& centre = leg.expected[i];
-    BestTwo search;
-    grid.forEachNear(centre - reach, centre + reach, [&](int k) {
-      if ((leg.to_pixels[k] - centre).squaredNorm() > radius * radius) return;
-      search.offer(k, hammingDistance(leg.from[i], leg.to[k]));
-    });
-    partners[i] = search.accepted(parameters.max_point_distance, parameters.max_distance_ratio);
+  std::vector<int> partners(from.pixels.size(), -1);
+  for (std::size_t i = 0; i < from.pixels.size(); ++i) {
+    const Eigen::Vector2f& centre = from.pixels[i];
+    const BestTwo best = grid.nearest(from.descriptors[i], {centre - reach, centre + reach},
+                                      [&](int, const Eigen::Vector2f& pixel) {
+                                        return (pixel - centre).squaredNorm() <= radius * radius;
+                                      });
+    partners[i] = best.accepted(parameters.max_point_distance, parameters.max_distance_ratio);
   }
   return partners;
 }
 
-/// Pixels and descriptors of stereo points, in both images.
+/// Stereo points as the two images see them.
 struct StereoPointViews {
-  std::vector<Eigen::Vector2f> left_px;
-  std::vector<Eigen::Vector2f> right_px;
-  std::vector<Descriptor> left;
-  std::vector<Descriptor> right;
+  PointViews left;
+  PointViews right;
 
-  void add(const Eigen::Vector2f& pixel_left, const Descriptor& descriptor_left,
-           const Eigen::Vector2f& pixel_right, const Descriptor& descriptor_right) {
-    left_px.push_back(pixel_left);
-    right_px.push_back(pixel_right);
-    left.push_back(descriptor_left);
-    right.push_back(descriptor_right);
+  void reserve(std::size_t size) {
+    left.reserve(size);
+    right.reserve(size);
   }
+};
+
+/// Stereo pairs of points of one frame.
+class StereoPointSearch {
+ public:
+  StereoPointSearch(const std::vector<PointFeature>& left, const std::vector<PointFeature>& right,
+                    const MatchingParameters& parameters)
+      : left_(left),
+        right_(right),
+        parameters_(parameters),
+        left_grid_(rowGrid(viewsOf(left))),
+        right_grid_(rowGrid(viewsOf(right))) {}
+
+  /// Appends the pairs of the left points begin ... end - 1.
+  void match(std::size_t begin, std::size_t end, std::vector<IndexPair>* pairs) const {
+    for (std::size_t i = begin; i < end; ++i) {
+      const int partner = best(left_[i], right_, right_grid_, true);
+      if (partner < 0) continue;
+      if (best(right_[partner], left_, left_grid_, false) != static_cast<int>(i)) continue;
+      pairs->push_back({static_cast<int>(i), partner});
+    }
+  }
+
+ private:
+  int best(const PointFeature& from, const std::vector<PointFeature>& to, const PointGrid& grid,
+           bool to_right) const {
+    const auto nearest = static_cast<float>(parameters_.max_disparity_px);
+    const auto farthest = static_cast<float>(parameters_.min_disparity_px);
+    const auto rows = static_cast<float>(parameters_.max_row_difference_px);
+    const Eigen::Vector2f& p = from.pixel;
+    const float low = to_right ? p.x() - nearest : p.x() + farthest;
+    const float high = to_right ? p.x() - farthest : p.x() + nearest;
+    const Eigen::AlignedBox2f window(Eigen::Vector2f(low, p.y() - rows),
+                                     Eigen::Vector2f(high, p.y() + rows));
+    return grid
+        .nearest(from.descriptor, window,
+                 [&](int i, const Eigen::Vector2f&) {
+                   return std::abs(to[i].octave - from.octave) <= 1;
+                 })
+        .accepted(parameters_.max_point_distance, parameters_.max_distance_ratio);
+  }
+
+  const std::vector<PointFeature>& left_;
+  const std::vector<PointFeature>& right_;
+  const MatchingParameters& parameters_;
+  PointGrid left_grid_;
+  PointGrid right_grid_;
 };
 
 }  // namespace
 
 std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
                                          const std::vector<PointFeature>& right,
-                                         const MatchingParameters& parameters) {
-  const PixelGrid left_grid = makeGrid(pixelsOf(left));
-  const PixelGrid right_grid = makeGrid(pixelsOf(right));
-  const auto min_disparity = static_cast<float>(parameters.min_disparity_px);
-  const auto max_disparity = static_cast<float>(parameters.max_disparity_px);
-  const auto rows = static_cast<float>(parameters.max_row_difference_px);
-
+                                         const MatchingParameters& parameters,
+                                         ThreadPool* threads) {
+  const StereoPointSearch search(left, right, parameters);
+  std::vector<std::vector<IndexPair>> parts(static_cast<std::size_t>(threads->numThreads()));
+  threads->runParts(left.size(), [&](int part, std::size_t begin, std::size_t end) {
+    search.match(begin, end, &parts[static_cast<std::size_t>(part)]);
+  });
   std::vector<IndexPair> pairs;
-  for (std::size_t i = 0; i < left.size(); ++i) {
-    const Eigen::Vector2f& pixel = left[i].pixel;
-    const Eigen::AlignedBox2f in_right(
-        Eigen::Vector2f(pixel.x() - max_disparity, pixel.y() - rows),
-        Eigen::Vector2f(pixel.x() - min_disparity, pixel.y() + rows));
-    const int partner = bestWithin(left[i], right, right_grid, in_right, parameters);
-    if (partner < 0) continue;
-    const Eigen::Vector2f& back = right[partner].pixel;
-    const Eigen::AlignedBox2f in_left(Eigen::Vector2f(back.x() + min_disparity, back.y() - rows),
-                                      Eigen::Vector2f(back.x() + max_disparity, back.y() + rows));
-    if (bestWithin(right[partner], left, left_grid, in_left, parameters) != static_cast<int>(i))
-      continue;
-    pairs.push_back({static_cast<int>(i), partner});
-  }
+  for (const std::vector<IndexPair>& part : parts)
+    pairs.insert(pairs.end(), part.begin(), part.end());
   return pairs;
 }
 
@@ -123,6 +141,7 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
                                                  static_cast<float>(camera.height) + margin));
   std::vector<int> prev_index;
   StereoPointViews expected;
+  expected.reserve(prev.points.size());
   for (std::size_t i = 0; i < prev.points.size(); ++i) {
     const StereoPoint& point = prev.points[i];
     const Eigen::Vector3d p_curr = prediction.T_curr_prev * point.triangulated.p_camera;
@@ -130,23 +149,24 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
     const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
     if (!view.contains(left_px)) continue;
     prev_index.push_back(static_cast<int>(i));
-    expected.add(left_px, prev.features.points_left[point.left].descriptor,
-                 camera.projectRight(p_curr).cast<float>(),
-                 prev.features.points_right[point.right].descriptor);
+    expected.left.add(left_px, prev.features.points_left[point.left].descriptor);
+    expected.right.add(camera.projectRight(p_curr).cast<float>(),
+                       prev.features.points_right[point.right].descriptor);
   }
   StereoPointViews seen;
+  seen.reserve(curr.points.size());
   for (const StereoPoint& point : curr.points) {
     const PointFeature& left = curr.features.points_left[point.left];
     const PointFeature& right = curr.features.points_right[point.right];
-    seen.add(left.pixel, left.descriptor, right.pixel, right.descriptor);
+    seen.left.add(left.pixel, left.descriptor);
+    seen.right.add(right.pixel, right.descriptor);
   }
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
   const std::vector<int> forward =
-      bestInDiscs({expected.right, expected.right_px, seen.right, seen.right_px},
-                  prediction.radius_px, parameters);
-  const std::vector<int> backward = bestInDiscs(
-      {seen.left, seen.left_px, expected.left, expected.left_px}, prediction.radius_px, parameters);
+      bestInDiscs(expected.right, seen.right, prediction.radius_px, parameters);
+  const std::vector<int> backward =
+      bestInDiscs(seen.left, expected.left, prediction.radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
     if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i)) {

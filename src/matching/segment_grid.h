@@ -13,29 +13,37 @@ namespace point_line_odometry {
 /// outside belong to the border.
 class SegmentGrid {
  public:
-  explicit SegmentGrid(const std::vector<LineSegment>& segments) {
-    for (const LineSegment& segment : segments) {
-      high_ = high_.cwiseMax(segment.start).cwiseMax(segment.end);
+  explicit SegmentGrid(const std::vector<LineSegment>& segments) : seen_(segments.size(), 0) {
+    Eigen::Vector2f high = Eigen::Vector2f::Zero();
+    for (const LineSegment& segment : segments)
+      high = high.cwiseMax(segment.start).cwiseMax(segment.end);
+    columns_ = cell(high.x()) + 1;
+    rows_ = cell(high.y()) + 1;
+    // Counted two further on: each cell's begin moves to its place while the cell is filled.
+    begins_.assign(static_cast<std::size_t>(columns_) * rows_ + 2, 0);
+    for (const LineSegment& segment : segments)
+      forEachCell(segment, [&](std::size_t c) { ++begins_[c + 2]; });
+    for (std::size_t c = 2; c < begins_.size(); ++c) begins_[c] += begins_[c - 1];
+    contents_.resize(static_cast<std::size_t>(begins_.back()));
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      forEachCell(segments[i],
+                  [&](std::size_t c) { contents_[begins_[c + 1]++] = static_cast<int>(i); });
     }
-    columns_ = cell(high_.x()) + 1;
-    rows_ = cell(high_.y()) + 1;
-    cells_.resize(static_cast<std::size_t>(columns_) * rows_);
-    seen_.assign(segments.size(), 0);
-    for (std::size_t i = 0; i < segments.size(); ++i) add(static_cast<int>(i), segments[i]);
   }
 
   /// Calls visit(i) once for every segment that crosses a cell which the box touches.
   template <typename Visit>
-  void forEachNear(const Eigen::AlignedBox2f& box, Visit&& visit) const {
+  void forEachNear(const Eigen::AlignedBox2f& box, Visit&& visit) {
     if (seen_.empty()) return;
     ++query_;
+    const int first = clampColumn(box.min().x());
+    const int last = clampColumn(box.max().x());
     for (int r = clampRow(box.min().y()); r <= clampRow(box.max().y()); ++r) {
-      for (int c = clampColumn(box.min().x()); c <= clampColumn(box.max().x()); ++c) {
-        for (const int i : cells_[static_cast<std::size_t>(r) * columns_ + c]) {
-          if (seen_[i] == query_) continue;
-          seen_[i] = query_;
-          visit(i);
-        }
+      for (int k = begins_[r * columns_ + first]; k < begins_[r * columns_ + last + 1]; ++k) {
+        const int i = contents_[k];
+        if (seen_[i] == query_) continue;
+        seen_[i] = query_;
+        visit(i);
       }
     }
   }
@@ -47,25 +55,27 @@ class SegmentGrid {
   int clampColumn(float u) const { return std::clamp(cell(u), 0, columns_ - 1); }
   int clampRow(float v) const { return std::clamp(cell(v), 0, rows_ - 1); }
 
-  void add(int index, const LineSegment& segment) {
+  /// Cells along a segment, hardly one twice.
+  template <typename Visit>
+  void forEachCell(const LineSegment& segment, Visit&& visit) const {
     const int steps = static_cast<int>(segment.length() / (0.5F * kCellPx)) + 1;
-    std::size_t last = cells_.size();
+    std::size_t last = static_cast<std::size_t>(columns_) * rows_;
     for (int k = 0; k <= steps; ++k) {
       const Eigen::Vector2f p =
           segment.start + (segment.end - segment.start) * (static_cast<float>(k) / steps);
       const std::size_t here =
           static_cast<std::size_t>(clampRow(p.y())) * columns_ + clampColumn(p.x());
-      if (here != last) cells_[here].push_back(index);
+      if (here != last) visit(here);
       last = here;
     }
   }
 
-  Eigen::Vector2f high_ = Eigen::Vector2f::Zero();
   int columns_ = 1;
   int rows_ = 1;
-  std::vector<std::vector<int>> cells_;
-  mutable std::vector<unsigned> seen_;  // query that visited the segment last
-  mutable unsigned query_ = 0;
+  std::vector<int> begins_;  // of each cell in contents_, and the end
+  std::vector<int> contents_;
+  std::vector<unsigned> seen_;  // query that visited the segment last
+  unsigned query_ = 0;
 };
 
 }  // namespace point_line_odometry

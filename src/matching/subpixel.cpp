@@ -1,136 +1,145 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/core/hal/intrin.hpp>
 
 #include "point_line_odometry/matching.h"
 
 namespace point_line_odometry {
 namespace {
 
-constexpr int kRadius = 5;
-constexpr int kSide = 2 * kRadius + 1;
+constexpr int kSide = PatchAligner::kSide;
+constexpr int kPitch = PatchAligner::kPitch;
 constexpr int kArea = kSide * kSide;
 constexpr int kMaxIterations = 8;
 constexpr float kConvergedPx = 0.01F;
 constexpr float kMaxShiftPx = 2.5F;    // from the initial place
 constexpr float kMaxResidual = 20.0F;  // RMS of the brightness difference [grey levels]
 
-/// Pixel weights of bilinear interpolation at a place; valid if the whole patch and one pixel round
-/// it lie in the image.
-struct Sampler {
-  const uchar* origin = nullptr;  // top-left pixel of the patch
-  std::size_t step = 0;
-  float w00 = 0.0F, w01 = 0.0F, w10 = 0.0F, w11 = 0.0F;
+using Patch = PatchAligner::Patch;
+
+/// Where a patch lies between the pixels; valid if all pixels that sample() reads lie in the image.
+template <int kRows, int kColumns>
+struct Place {
+  const uchar* origin = nullptr;  // top-left pixel
+  std::ptrdiff_t step = 0;
+  float right = 0.0F;  // weight of the right neighbour
+  float below = 0.0F;
   bool valid = false;
 
-  Sampler(const cv::Mat& image, const Eigen::Vector2f& centre, int radius) {
+  Place(const cv::Mat& image, const Eigen::Vector2f& centre) {
+    constexpr int kBefore = kRows / 2;
     // In floats: no int holds NaN or a huge place.
-    const auto r = static_cast<float>(radius);
-    valid = centre.x() >= r && centre.y() >= r &&
-            centre.x() + r + 1.0F < static_cast<float>(image.cols) &&
-            centre.y() + r + 1.0F < static_cast<float>(image.rows);
+    valid = centre.x() >= kBefore && centre.y() >= kBefore &&
+            centre.x() - kBefore + kColumns < static_cast<float>(image.cols) &&
+            centre.y() - kBefore + kRows < static_cast<float>(image.rows);
     if (!valid) return;
     const int x = static_cast<int>(centre.x());
     const int y = static_cast<int>(centre.y());
-    const float a = centre.x() - static_cast<float>(x);
-    const float b = centre.y() - static_cast<float>(y);
-    w00 = (1.0F - a) * (1.0F - b);
-    w01 = a * (1.0F - b);
-    w10 = (1.0F - a) * b;
-    w11 = a * b;
-    step = image.step1();
-    origin = image.ptr<uchar>(y - radius) + (x - radius);
-  }
-
-  template <std::size_t kCount>
-  void sample(int side, std::array<float, kCount>* values) const {
-    for (int r = 0; r < side; ++r) {
-      const uchar* p = origin + r * step;
-      const uchar* q = p + step;
-      float* out = values->data() + r * side;
-      for (int c = 0; c < side; ++c) {
-        out[c] = w00 * p[c] + w01 * p[c + 1] + w10 * q[c] + w11 * q[c + 1];
-      }
-    }
+    right = centre.x() - static_cast<float>(x);
+    below = centre.y() - static_cast<float>(y);
+    step = static_cast<std::ptrdiff_t>(image.step1());
+    origin = image.ptr<uchar>(y - kBefore) + (x - kBefore);
   }
 };
 
-float mean(const std::array<float, kArea>& values) {
-  float sum = 0.0F;
-  for (const float value : values) sum += value;
-  return sum / kArea;
+/// Samples between the pixels of one row.
+template <int kColumns>
+std::array<float, kColumns> sampleRow(const uchar* p, float right) {
+  const auto load = [](const uchar* four) {
+    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(four)));
+  };
+  const cv::v_float32x4 weight_right = cv::v_setall_f32(right);
+  const cv::v_float32x4 weight_here = cv::v_setall_f32(1.0F - right);
+  std::array<float, kColumns> row;
+  int c = 0;
+  for (; c + 4 <= kColumns; c += 4) {
+    v_store(row.data() + c, load(p + c) * weight_here + load(p + c + 1) * weight_right);
+  }
+  for (; c < kColumns; ++c) row[c] = (1.0F - right) * p[c] + right * p[c + 1];
+  return row;
 }
 
-/// Patch of the reference image: brightness less its mean, gradient less its mean, and the inverse
-/// of the normal matrix.
-struct Template {
-  std::array<float, kArea> brightness;
-  std::array<float, kArea> gx;
-  std::array<float, kArea> gy;
-  Eigen::Matrix2f inverse_hessian;
-  bool valid = false;
-
-  Template(const cv::Mat& image, const Eigen::Vector2f& centre) {
-    constexpr int kWide = kSide + 2;
-    const Sampler sampler(image, centre, kRadius + 1);
-    if (!sampler.valid) return;
-    std::array<float, kWide * kWide> wide;
-    sampler.sample(kWide, &wide);
-    for (int r = 0; r < kSide; ++r) {
-      for (int c = 0; c < kSide; ++c) {
-        const float* p = wide.data() + (r + 1) * kWide + c + 1;
-        brightness[r * kSide + c] = p[0];
-        gx[r * kSide + c] = 0.5F * (p[1] - p[-1]);
-        gy[r * kSide + c] = 0.5F * (p[kWide] - p[-kWide]);
-      }
-    }
-    for (std::array<float, kArea>* values : {&brightness, &gx, &gy}) {
-      const float average = mean(*values);
-      for (float& value : *values) value -= average;
-    }
-    Eigen::Matrix2f hessian = Eigen::Matrix2f::Zero();
-    for (int i = 0; i < kArea; ++i) {
-      hessian(0, 0) += gx[i] * gx[i];
-      hessian(0, 1) += gx[i] * gy[i];
-      hessian(1, 1) += gy[i] * gy[i];
-    }
-    hessian(1, 0) = hessian(0, 1);
-    const float determinant = hessian.determinant();
-    valid = determinant > 1e-3F * hessian.trace() * hessian.trace() && hessian.trace() > kArea;
-    if (valid) inverse_hessian = hessian.inverse();
+/// Bilinear samples, kRows rows of kColumns: along the rows first, then between them.
+template <int kRows, int kColumns>
+void sample(const Place<kRows, kColumns>& place, float* values) {
+  std::array<float, kColumns> above = sampleRow<kColumns>(place.origin, place.right);
+  for (int r = 0; r < kRows; ++r, values += kColumns) {
+    const std::array<float, kColumns> below =
+        sampleRow<kColumns>(place.origin + (r + 1) * place.step, place.right);
+    for (int c = 0; c < kColumns; ++c) values[c] = above[c] + place.below * (below[c] - above[c]);
+    above = below;
   }
-};
+}
+
+/// Sum of products; a partial sum for each column, so that it is the same and fast on every
+/// processor.
+float dot(const Patch& a, const Patch& b) {
+  std::array<float, kPitch> sums{};
+  for (int r = 0; r < kSide; ++r) {
+    for (int c = 0; c < kPitch; ++c) sums[c] += a[r * kPitch + c] * b[r * kPitch + c];
+  }
+  float sum = 0.0F;
+  for (const float column : sums) sum += column;
+  return sum;
+}
+
+/// Makes the mean of the patch zero, and its last column.
+void centre(Patch* values) {
+  float sum = 0.0F;
+  for (int r = 0; r < kSide; ++r) {
+    for (int c = 0; c < kSide; ++c) sum += (*values)[r * kPitch + c];
+  }
+  const float mean = sum / kArea;
+  for (float& value : *values) value -= mean;
+  for (int r = 0; r < kSide; ++r) (*values)[r * kPitch + kSide] = 0.0F;
+}
 
 }  // namespace
 
-std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
-                                          const Eigen::Vector2f& reference_px,
-                                          const cv::Mat& target,
-                                          const Eigen::Vector2f& initial_px) {
-  const Template patch(reference, reference_px);
-  if (!patch.valid) return std::nullopt;
-  Eigen::Vector2f pixel = initial_px;
-  std::array<float, kArea> values;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Sampler sampler(target, pixel, kRadius);
-    if (!sampler.valid) return std::nullopt;
-    sampler.sample(kSide, &values);
-    const float average = mean(values);
-    Eigen::Vector2f b = Eigen::Vector2f::Zero();
-    float squares = 0.0F;
-    for (int i = 0; i < kArea; ++i) {
-      const float difference = values[i] - average - patch.brightness[i];
-      b.x() += patch.gx[i] * difference;
-      b.y() += patch.gy[i] * difference;
-      squares += difference * difference;
+PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel) {
+  constexpr int kWide = kSide + 2;
+  const Place<kWide, kWide> place(image, pixel);
+  if (!place.valid) return;
+  std::array<float, kWide * kWide + kPitch - kSide> wide{};
+  sample(place, wide.data());
+  for (int r = 0; r < kSide; ++r) {
+    for (int c = 0; c < kPitch; ++c) {
+      const float* p = wide.data() + (r + 1) * kWide + c + 1;
+      brightness_[r * kPitch + c] = p[0];
+      gx_[r * kPitch + c] = 0.5F * (p[1] - p[-1]);
+      gy_[r * kPitch + c] = 0.5F * (p[kWide] - p[-kWide]);
     }
-    const Eigen::Vector2f step = patch.inverse_hessian * b;
+  }
+  for (Patch* values : {&brightness_, &gx_, &gy_}) centre(values);
+  at_brightness_ = {dot(gx_, brightness_), dot(gy_, brightness_)};
+  const float xy = dot(gx_, gy_);
+  Eigen::Matrix2f hessian;
+  hessian << dot(gx_, gx_), xy, xy, dot(gy_, gy_);
+  const float trace = hessian.trace();
+  usable_ = hessian.determinant() > 1e-3F * trace * trace && trace > kArea;
+  if (usable_) inverse_hessian_ = hessian.inverse();
+}
+
+std::optional<Eigen::Vector2f> PatchAligner::align(const cv::Mat& target,
+                                                   const Eigen::Vector2f& initial_px) const {
+  if (!usable_) return std::nullopt;
+  Eigen::Vector2f pixel = initial_px;
+  Patch values;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const Place<kSide, kPitch> place(target, pixel);
+    if (!place.valid) return std::nullopt;
+    sample(place, values.data());
+    // The gradients have no mean: that of the brightness drops out of the products.
+    const Eigen::Vector2f b = Eigen::Vector2f(dot(gx_, values), dot(gy_, values)) - at_brightness_;
+    const Eigen::Vector2f step = inverse_hessian_ * b;
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
-    if (step.squaredNorm() < kConvergedPx * kConvergedPx) {
-      return squares <= kArea * kMaxResidual * kMaxResidual ? std::make_optional(pixel)
-                                                            : std::nullopt;
-    }
+    if (step.squaredNorm() >= kConvergedPx * kConvergedPx) continue;
+    centre(&values);
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] -= brightness_[i];
+    if (dot(values, values) > kArea * kMaxResidual * kMaxResidual) return std::nullopt;
+    return pixel;
   }
   return std::nullopt;
 }

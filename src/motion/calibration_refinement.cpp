@@ -84,10 +84,10 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
   for (std::size_t i = 0; i < correspondences.points.size(); ++i) {
     if (!motion.point_inliers[i]) continue;
     const PointCorrespondence& point = correspondences.points[i];
-    const PointResidual residual(point, camera_, motion.T_curr_prev, ResidualImages::kBoth);
+    const PointResidual<ResidualImages::kBoth> residual(point, camera_, motion.T_curr_prev);
     if (!residual.valid) continue;
     Eigen::Matrix3d covariance =
-        residual.by_point * point.covariance * residual.by_point.transpose();
+        residual.by_landmark * point.covariance * residual.by_landmark.transpose();
     covariance.diagonal().array() += point.sigma_px * point.sigma_px;
     const Eigen::Matrix3d weight = covariance.inverse();
     const double norm = std::sqrt(residual.value.dot(weight * residual.value));
@@ -98,7 +98,8 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
     const double disparity = camera_.fx * camera_.baseline_m / point.p_prev.z();
     const Eigen::Vector2d prev_right = camera_.projectRight(point.p_prev);
     Eigen::Matrix<double, 3, RightImageCorrection::kTerms> J =
-        residual.by_point * (-point.p_prev / disparity) * correction_.terms(prev_right).transpose();
+        residual.by_landmark * (-point.p_prev / disparity) *
+        correction_.terms(prev_right).transpose();
     J.row(2) -= correction_.terms(point.right_px).transpose();
     const Eigen::Matrix<double, 3, 6> J_motion = residual.by_motion;
     const Eigen::Vector3d r = residual.value;

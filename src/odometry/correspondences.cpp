@@ -24,52 +24,69 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
           correction.apply(right.end.cast<double>()).cast<float>()};
 }
 
+/// A stereo point, or nothing if it has no disparity.
+std::optional<StereoPoint> triangulate(const TriangulationInput& input,
+                                       const DetectedFeatures& features, const IndexPair& match) {
+  const PointFeature& left = features.points_left[match.first];
+  const MatchingParameters& matching = input.parameters.matching;
+  Eigen::Vector2f right_px = features.points_right[match.second].pixel;
+  if (matching.refine_subpixel) {
+    const auto aligned =
+        PatchAligner(input.images.left, left.pixel).align(input.images.right, right_px);
+    if (!aligned) return std::nullopt;
+    right_px = *aligned;
+  }
+  const Eigen::Vector2d corrected = input.correction.apply(right_px.cast<double>());
+  const auto triangulated =
+      triangulatePoint(input.camera, left.pixel.cast<double>(), corrected.x(),
+                       pointSigma(left, input.parameters), matching.min_disparity_px);
+  if (!triangulated) return std::nullopt;
+  return StereoPoint{match.first, match.second, right_px, *triangulated};
+}
+
 }  // namespace
 
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera,
-                        const RightImageCorrection& correction, const Parameters& parameters,
-                        StereoFrame* frame) {
-  for (const IndexPair& match : matches.points) {
-    const PointFeature& left = frame->features.points_left[match.first];
-    Eigen::Vector2f right_px = frame->features.points_right[match.second].pixel;
-    if (parameters.matching.refine_subpixel) {
-      const auto aligned =
-          alignPatch(frame->images.left, left.pixel, frame->images.right, right_px);
-      if (!aligned) continue;
-      right_px = *aligned;
+void triangulateMatches(const TriangulationInput& input, ThreadPool* threads, StereoFrame* frame) {
+  const DetectedFeatures& features = frame->features;
+  std::vector<std::vector<StereoPoint>> parts(static_cast<std::size_t>(threads->numThreads()));
+  const std::vector<IndexPair>& points = input.matches.points;
+  threads->runParts(points.size(), [&](int part, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::optional<StereoPoint> point = triangulate(input, features, points[i]);
+      if (point) parts[static_cast<std::size_t>(part)].push_back(*point);
     }
-    const Eigen::Vector2d corrected = correction.apply(right_px.cast<double>());
-    const auto triangulated =
-        triangulatePoint(camera, left.pixel.cast<double>(), corrected.x(),
-                         pointSigma(left, parameters), parameters.matching.min_disparity_px);
-    if (triangulated) frame->points.push_back({match.first, match.second, right_px, *triangulated});
-  }
-  const LineTriangulationLimits limits = lineLimits(parameters);
-  for (const IndexPair& match : matches.lines) {
-    frame->lines.push_back(
-        {match.first, match.second,
-         triangulateLine(camera, frame->features.lines_left[match.first].segment,
-                         corrected(frame->features.lines_right[match.second].segment, correction),
-                         parameters.motion.line_noise_px, limits)});
+  });
+  for (const std::vector<StereoPoint>& part : parts)
+    frame->points.insert(frame->points.end(), part.begin(), part.end());
+
+  const LineTriangulationLimits limits = lineLimits(input.parameters);
+  for (const IndexPair& match : input.matches.lines) {
+    const LineSegment& left = features.lines_left[match.first].segment;
+    const LineSegment right =
+        corrected(features.lines_right[match.second].segment, input.correction);
+    frame->lines.push_back({match.first, match.second,
+                            triangulateLine(input.camera, left, right,
+                                            input.parameters.motion.line_noise_px, limits)});
   }
 }
 
-Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr,
-                                    const CircularMatches& matches,
+Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
+                                    const StereoImages& images, const CircularMatches& matches,
                                     const RightImageCorrection& correction,
                                     const Parameters& parameters) {
   Correspondences correspondences;
+  correspondences.points.reserve(matches.points.size());
+  correspondences.lines.reserve(matches.lines.size());
   for (const IndexPair& match : matches.points) {
-    const StereoPoint& before = prev.points[match.first];
+    const StereoPoint& before = earlier.points[match.first];
     const StereoPoint& now = curr.points[match.second];
-    const PointFeature& reference = prev.features.points_left[before.left];
+    const PointFeature& reference = earlier.features.points_left[before.left];
     Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
     Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
     if (parameters.matching.refine_subpixel) {
-      left_px = alignPatch(prev.images.left, reference.pixel, curr.images.left, left_px)
-                    .value_or(left_px);
-      right_px = alignPatch(prev.images.left, reference.pixel, curr.images.right, right_px)
-                     .value_or(right_px);
+      const PatchAligner patch(earlier.left_image, reference.pixel);
+      left_px = patch.align(images.left, left_px).value_or(left_px);
+      right_px = patch.align(images.right, right_px).value_or(right_px);
     }
     PointCorrespondence point;
     point.p_prev = before.triangulated.p_camera;
@@ -80,7 +97,7 @@ Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& 
     correspondences.points.push_back(point);
   }
   for (const IndexPair& match : matches.lines) {
-    const StereoLine& before = prev.lines[match.first];
+    const StereoLine& before = earlier.lines[match.first];
     const LineSegment& left = curr.features.lines_left[curr.lines[match.second].left].segment;
     const LineSegment right =
         corrected(curr.features.lines_right[curr.lines[match.second].right].segment, correction);

@@ -8,17 +8,25 @@
 
 namespace point_line_odometry {
 
+/// What the features of one frame are triangulated from. References.
+struct TriangulationInput {
+  const StereoMatches& matches;
+  const StereoImages& images;
+  const StereoCamera& camera;
+  const RightImageCorrection& correction;  ///< of what is seen in the right image
+  const Parameters& parameters;
+};
+
 /// Fills the points and lines of a frame from its stereo matches: sub-pixel disparity if asked for,
 /// place in space and covariance. Points that cannot be triangulated are left out; lines stay
-/// without a place. \param correction of the right image, applied to what is seen there.
-void triangulateMatches(const StereoMatches& matches, const StereoCamera& camera,
-                        const RightImageCorrection& correction, const Parameters& parameters,
-                        StereoFrame* frame);
+/// without a place.
+void triangulateMatches(const TriangulationInput& input, ThreadPool* threads, StereoFrame* frame);
 
-/// What the estimator needs of circular matches: places in frame k-1 and (sub-)pixels in frame k.
-/// Element i of the points and lines belongs to element i of the matches.
-Correspondences makeCorrespondences(const StereoFrame& prev, const StereoFrame& curr,
-                                    const CircularMatches& matches,
+/// What the estimator needs of circular matches: places in the earlier frame and (sub-)pixels in
+/// the current one, whose images these are. Element i of the points and lines belongs to element i
+/// of the matches.
+Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
+                                    const StereoImages& images, const CircularMatches& matches,
                                     const RightImageCorrection& correction,
                                     const Parameters& parameters);
 

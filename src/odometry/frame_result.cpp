@@ -48,14 +48,18 @@ const char* toString(Stage stage) {
       return "detect";
     case Stage::kMatchStereo:
       return "match_stereo";
-    case Stage::kMatchCircular:
-      return "match_circular";
     case Stage::kTriangulate:
       return "triangulate";
+    case Stage::kMatchCircular:
+      return "match_circular";
     case Stage::kEstimate:
       return "estimate";
+    case Stage::kTwoFrames:
+      return "two_frames";
     case Stage::kFuse:
       return "fuse";
+    case Stage::kRefine:
+      return "refine";
     case Stage::kNumStages:
       break;
   }

@@ -27,7 +27,7 @@ bool fits(const cv::Mat& image, const StereoCamera& camera) {
   return image.type() == CV_8UC1 && image.cols == camera.width && image.rows == camera.height;
 }
 
-TrackingReason reasonOf(MotionStatus status) {
+TrackingReason trackingReason(MotionStatus status) {
   switch (status) {
     case MotionStatus::kOk:
       return TrackingReason::kNone;
@@ -46,6 +46,7 @@ TrackingReason reasonOf(MotionStatus status) {
 StereoOdometry::StereoOdometry(const StereoCamera& camera, const Parameters& parameters)
     : camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
+      threads_(std::make_unique<ThreadPool>(parameters.tracking.threads)),
       detector_(parameters.points, parameters.lines),
       refinement_(camera) {}
 
@@ -65,9 +66,12 @@ FrameResult StereoOdometry::process(const StereoImages& images) {
   const bool gap = reference_ && dt_s > parameters_.tracking.max_frame_gap_s;
   Measurement measurement;
   measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kFirstFrame;
-  if (reference_ && !gap) measurement = measure(curr, &result.times);
+  if (reference_ && !gap) measurement = measure(curr, images, &result.times);
   report(curr, measurement, &result);
-  if (parameters_.tracking.refine_calibration) refineCalibration(curr, measurement);
+  if (parameters_.tracking.refine_calibration) {
+    const StageTimer timer(&result.times, Stage::kRefine);
+    refineCalibration(curr, measurement);
+  }
 
   integrate(measurement, curr.stamp_ns, dt_s);
   last_stamp_ns_ = curr.stamp_ns;
@@ -82,20 +86,23 @@ StereoFrame StereoOdometry::makeFrame(const StereoImages& images, StageTimes* ti
   frame.stamp_ns = images.stamp_ns;
   {
     const StageTimer timer(times, Stage::kDetect);
-    frame.images = {images.left.clone(), images.right.clone(), images.stamp_ns};
-    frame.features = detector_.detect(images);
+    images.left.copyTo(frame.left_image);
+    frame.features = detector_.detect(images, threads_.get());
   }
   StereoMatches matches;
   {
     const StageTimer timer(times, Stage::kMatchStereo);
-    matches = matchStereo(frame.features, parameters_.matching);
+    matches = matchStereo(frame.features, parameters_.matching, threads_.get());
   }
   const StageTimer timer(times, Stage::kTriangulate);
-  triangulateMatches(matches, camera_, refinement_.correction(), parameters_, &frame);
+  triangulateMatches({matches, images, camera_, refinement_.correction(), parameters_},
+                     threads_.get(), &frame);
   return frame;
 }
 
+/// The estimate over two frames needs nothing of the direct one: they are made side by side.
 StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr,
+                                                    const StereoImages& images,
                                                     StageTimes* times) const {
   Measurement measurement;
   const int few = parameters_.motion.min_matches;
@@ -105,47 +112,54 @@ StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr,
   }
   const double dt_s = seconds(curr.stamp_ns - reference_->stamp_ns);
   const MotionPrediction prediction = predict(dt_s);
-  {
-    const StageTimer timer(times, Stage::kMatchCircular);
-    measurement.matches =
-        matchCircular(*reference_, curr, camera_, prediction, parameters_.matching);
-    measurement.correspondences = makeCorrespondences(*reference_, curr, measurement.matches,
-                                                      refinement_.correction(), parameters_);
-  }
-  {
-    const StageTimer timer(times, Stage::kEstimate);
-    measurement.motion = estimateMotion(measurement.correspondences, camera_,
-                                        prediction.T_curr_prev, parameters_.motion);
-  }
-  if (parameters_.motion.fuse_rotation && before_reference_ && measurement.motion.ok()) {
+  MotionEstimate over_two;
+  threads_->run(before_reference_ ? 2 : 1, [&](int task) {
+    if (task == 0) {
+      measurement = measureSince(*reference_, curr, images, prediction,
+                                 {times, Stage::kMatchCircular, Stage::kEstimate});
+    } else {
+      const MotionPrediction since_two_frames{
+          prediction.T_curr_prev * before_reference_->T_reference_before, prediction.radius_px};
+      over_two = measureSince(before_reference_->frame, curr, images, since_two_frames,
+                              {times, Stage::kTwoFrames, Stage::kTwoFrames})
+                     .motion;
+    }
+  });
+  if (measurement.motion.ok() && over_two.ok()) {
     const StageTimer timer(times, Stage::kFuse);
-    measurement.motion = fuseWithTwoFrameEstimate(curr, measurement);
+    measurement.motion = fuseRotation(measurement.motion, over_two.T_curr_prev,
+                                      before_reference_->T_reference_before,
+                                      measurement.correspondences, camera_, parameters_.motion);
   }
-  measurement.reason = reasonOf(measurement.motion.status);
-  if (measurement.motion.ok()) {
-    const Vector6d velocity = velocityOfMotion(measurement.motion.T_curr_prev.inverse(), dt_s);
-    const bool too_fast =
-        velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
-        velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
-    if (too_fast) measurement.reason = TrackingReason::kTooFast;
-  }
+  measurement.reason = reasonOf(measurement.motion, dt_s);
   return measurement;
 }
 
-MotionEstimate StereoOdometry::fuseWithTwoFrameEstimate(const StereoFrame& curr,
-                                                        const Measurement& measurement) const {
-  const Eigen::Isometry3d T_prev_prev2 = before_reference_->T_reference_before;
-  const Eigen::Isometry3d expected = measurement.motion.T_curr_prev * T_prev_prev2;
-  const StereoFrame& prev2 = before_reference_->frame;
-  const CircularMatches matches =
-      matchCircular(prev2, curr, camera_, {expected, parameters_.matching.search_radius_px},
-                    parameters_.matching);
-  const MotionEstimate over_two = estimateMotion(
-      makeCorrespondences(prev2, curr, matches, refinement_.correction(), parameters_), camera_,
-      expected, parameters_.motion);
-  if (!over_two.ok()) return measurement.motion;
-  return fuseRotation(measurement.motion, over_two.T_curr_prev, T_prev_prev2,
-                      measurement.correspondences, camera_, parameters_.motion);
+StereoOdometry::Measurement StereoOdometry::measureSince(const StereoFrame& earlier,
+                                                         const StereoFrame& curr,
+                                                         const StereoImages& images,
+                                                         const MotionPrediction& prediction,
+                                                         const MeasureTimes& times) const {
+  Measurement measurement;
+  {
+    const StageTimer timer(times.times, times.match);
+    measurement.matches = matchCircular(earlier, curr, camera_, prediction, parameters_.matching);
+    measurement.correspondences = makeCorrespondences(earlier, curr, images, measurement.matches,
+                                                      refinement_.correction(), parameters_);
+  }
+  const StageTimer timer(times.times, times.estimate);
+  measurement.motion = estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev,
+                                      parameters_.motion);
+  return measurement;
+}
+
+TrackingReason StereoOdometry::reasonOf(const MotionEstimate& motion, double dt_s) const {
+  if (!motion.ok()) return trackingReason(motion.status);
+  const Vector6d velocity = velocityOfMotion(motion.T_curr_prev.inverse(), dt_s);
+  const bool too_fast =
+      velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
+      velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
+  return too_fast ? TrackingReason::kTooFast : TrackingReason::kNone;
 }
 
 MotionPrediction StereoOdometry::predict(double dt_s) const {
@@ -257,6 +271,7 @@ void StereoOdometry::setCamera(const StereoCamera& camera) {
 
 void StereoOdometry::setParameters(const Parameters& parameters) {
   parameters_ = checked(parameters);
+  threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
   startNewReference();
 }

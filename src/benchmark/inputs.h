@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "point_line_odometry/rectification.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// A sequence of rectified stereo frames to measure with. Frames are read or rendered when they are
+/// first asked for, so that rows that are filtered out cost nothing.
+class BenchmarkInput {
+ public:
+  /// A pair, and the frame after it.
+  struct Successive {
+    StereoImages now;
+    StereoImages next;
+  };
+
+  /// A KITTI or EuRoC folder; the input is named after it. \param run_frames how many frames run()
+  /// has at most. Throws InputError if it cannot be used or has fewer than kMinFrames.
+  static std::unique_ptr<BenchmarkInput> fromFolder(const std::string& folder,
+                                                    std::size_t run_frames);
+
+  /// A scene of the synthetic world; the input is named after it.
+  static std::unique_ptr<BenchmarkInput> fromWorld(const std::string& scene,
+                                                   std::size_t run_frames);
+
+  static constexpr std::size_t kMinFrames = 4;
+
+  const std::string& name() const { return name_; }
+  const StereoCamera& camera() const { return camera_; }
+
+  /// Consecutive frames from the start of the sequence, kept in memory. Throws InputError like
+  /// StereoDataset::load().
+  const std::vector<StereoImages>& run();
+
+  /// The i-th of spreadSize() pairs that are spread evenly over the sequence, not kept.
+  Successive spread(std::size_t i) const;
+
+  /// 10, or fewer if the sequence is shorter.
+  std::size_t spreadSize() const;
+
+ private:
+  using Load = std::function<StereoImages(std::size_t)>;
+
+  /// A sequence as it is stored, maybe to be rectified.
+  struct Sequence {
+    std::size_t size = 0;
+    StereoCalibration calibration;
+    bool needs_rectification = false;
+    Load load;
+  };
+
+  BenchmarkInput(std::string name, const Sequence& sequence, std::size_t run_frames);
+
+  std::string name_;
+  StereoCamera camera_;
+  Load load_;  // rectified
+  std::size_t size_;
+  std::size_t run_frames_;
+  std::vector<StereoImages> run_;
+};
+
+/// The folders within `folder` that hold a KITTI or EuRoC sequence, by name. Throws InputError if
+/// `folder` is none.
+std::vector<std::string> findSequences(const std::string& folder);
+
+}  // namespace point_line_odometry

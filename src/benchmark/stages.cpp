@@ -1,0 +1,127 @@
+#include "benchmark/stages.h"
+
+#include <utility>
+
+namespace point_line_odometry {
+
+Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
+    : parameters_(parameters),
+      camera_(input->camera()),
+      correction_(camera_),
+      line_detector_(parameters.lines),
+      point_detector_(parameters.points),
+      stereo_detector_(parameters.points, parameters.lines),
+      threads_(parameters.tracking.threads) {
+  const std::vector<StereoImages>& run = input->run();
+  const std::size_t middle = run.size() / 2;
+  prev2_ = makeFrame(run[middle - 2]);
+  prev_ = makeFrame(run[middle - 1]);
+  images_ = run[middle];
+  curr_ = makeFrame(images_);
+  matchStereo();
+  computeGradient(images_.left, &gradient_);
+  segments_ = line_detector_.detect(gradient_);
+
+  const MotionPrediction unknown{Eigen::Isometry3d::Identity(),
+                                 parameters_.matching.search_radius_without_velocity_px};
+  const CircularMatches matches =
+      ::point_line_odometry::matchCircular(prev2_, prev_, camera_, unknown, parameters_.matching);
+  T_prev_prev2_ = estimateMotion(makeCorrespondences(prev2_, prev_, run[middle - 1], matches,
+                                                     correction_, parameters_),
+                                 camera_, unknown.T_curr_prev, parameters_.motion)
+                      .T_curr_prev;
+  matchCircular();
+  correspondences();
+  estimate();
+}
+
+StereoFrame Stages::makeFrame(const StereoImages& images) {
+  StereoFrame frame;
+  frame.stamp_ns = images.stamp_ns;
+  frame.left_image = images.left;
+  frame.features = stereo_detector_.detect(images, &threads_);
+  const StereoMatches matches =
+      ::point_line_odometry::matchStereo(frame.features, parameters_.matching, &threads_);
+  triangulateMatches({matches, images, camera_, correction_, parameters_}, &threads_, &frame);
+  return frame;
+}
+
+MotionPrediction Stages::near(const Eigen::Isometry3d& T_curr_prev) const {
+  return {T_curr_prev, parameters_.matching.search_radius_px};
+}
+
+Correspondences Stages::correspondencesOf(const StereoFrame& prev,
+                                          const CircularMatches& matches) const {
+  return makeCorrespondences(prev, curr_, images_, matches, correction_, parameters_);
+}
+
+std::size_t Stages::gradient() {
+  computeGradient(images_.left, &gradient_);
+  return gradient_.magnitude.total();
+}
+
+std::size_t Stages::linesFromGradient() {
+  segments_ = line_detector_.detect(gradient_);
+  return segments_.size();
+}
+
+std::size_t Stages::linesFromImage() {
+  computeGradient(images_.left, &gradient_for_lines_);
+  return line_detector_.detect(gradient_for_lines_).size();
+}
+
+std::size_t Stages::describeLines() {
+  return ::point_line_odometry::describeLines(gradient_, segments_).size();
+}
+
+std::size_t Stages::points() { return point_detector_.detect(images_.left).size(); }
+
+std::size_t Stages::detectStereo() {
+  const DetectedFeatures features = stereo_detector_.detect(images_, &threads_);
+  return features.points_left.size() + features.points_right.size() + features.lines_left.size() +
+         features.lines_right.size();
+}
+
+std::size_t Stages::matchStereo() {
+  stereo_matches_ =
+      ::point_line_odometry::matchStereo(curr_.features, parameters_.matching, &one_thread_);
+  return stereo_matches_.points.size() + stereo_matches_.lines.size();
+}
+
+std::size_t Stages::triangulate() {
+  curr_.points.clear();
+  curr_.lines.clear();
+  triangulateMatches({stereo_matches_, images_, camera_, correction_, parameters_}, &one_thread_,
+                     &curr_);
+  return curr_.points.size() + curr_.lines.size();
+}
+
+std::size_t Stages::matchCircular() {
+  circular_matches_ = ::point_line_odometry::matchCircular(
+      prev_, curr_, camera_, near(T_prev_prev2_), parameters_.matching);
+  return circular_matches_.points.size() + circular_matches_.lines.size();
+}
+
+std::size_t Stages::correspondences() {
+  correspondences_ = correspondencesOf(prev_, circular_matches_);
+  return correspondences_.points.size() + correspondences_.lines.size();
+}
+
+std::size_t Stages::estimate() {
+  motion_ = estimateMotion(correspondences_, camera_, T_prev_prev2_, parameters_.motion);
+  return static_cast<std::size_t>(motion_.num_point_inliers + motion_.num_line_inliers);
+}
+
+std::size_t Stages::fuse() {
+  const Eigen::Isometry3d expected = motion_.T_curr_prev * T_prev_prev2_;
+  const CircularMatches matches = ::point_line_odometry::matchCircular(
+      prev2_, curr_, camera_, near(expected), parameters_.matching);
+  const MotionEstimate over_two =
+      estimateMotion(correspondencesOf(prev2_, matches), camera_, expected, parameters_.motion);
+  if (!over_two.ok()) return 0;
+  const MotionEstimate fused = fuseRotation(motion_, over_two.T_curr_prev, T_prev_prev2_,
+                                            correspondences_, camera_, parameters_.motion);
+  return static_cast<std::size_t>(fused.num_point_inliers + fused.num_line_inliers);
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "benchmark/inputs.h"
+#include "odometry/correspondences.h"
+#include "point_line_odometry/line_detector.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/point_detector.h"
+#include "point_line_odometry/stereo_feature_detector.h"
+#include "point_line_odometry/thread_pool.h"
+
+namespace point_line_odometry {
+
+/// The stages of the odometry as calls of their own on three consecutive frames from the middle of
+/// an input's run, with what each needs from the stages before it. Each call does again what its
+/// stage does for the third frame; numbers returned say how many things it has found or made.
+class Stages {
+ public:
+  Stages(BenchmarkInput* input, const Parameters& parameters);
+
+  /// The left image of the third frame.
+  const cv::Mat& image() const { return images_.left; }
+
+  std::size_t gradient();
+  std::size_t linesFromGradient();
+  std::size_t linesFromImage();
+  std::size_t describeLines();
+  std::size_t points();
+  std::size_t detectStereo();
+  std::size_t matchStereo();
+  std::size_t triangulate();
+  std::size_t matchCircular();
+  std::size_t correspondences();
+  std::size_t estimate();
+  std::size_t fuse();
+
+ private:
+  StereoFrame makeFrame(const StereoImages& images);
+  MotionPrediction near(const Eigen::Isometry3d& T_curr_prev) const;
+  Correspondences correspondencesOf(const StereoFrame& prev, const CircularMatches& matches) const;
+
+  const Parameters& parameters_;
+  StereoCamera camera_;
+  RightImageCorrection correction_;
+  StereoImages images_;
+  LineDetector line_detector_;
+  PointDetector point_detector_;
+  StereoFeatureDetector stereo_detector_;
+  ThreadPool threads_;
+  ThreadPool one_thread_{1};
+
+  // Of the third frame, from one stage to the next.
+  GradientImage gradient_;
+  GradientImage gradient_for_lines_;  // of linesFromImage()
+  std::vector<LineSegment> segments_;
+  StereoMatches stereo_matches_;
+  StereoFrame curr_;
+  CircularMatches circular_matches_;
+  Correspondences correspondences_;
+  MotionEstimate motion_;
+
+  // The frames before.
+  StereoFrame prev_;
+  StereoFrame prev2_;
+  Eigen::Isometry3d T_prev_prev2_;
+};
+
+}  // namespace point_line_odometry

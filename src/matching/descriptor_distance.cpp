@@ -1,0 +1,26 @@
+#include "matching/descriptor_distance.h"
+
+#include "processor_clones.h"
+
+namespace point_line_odometry {
+
+POINT_LINE_ODOMETRY_CLONES("popcnt")
+void hammingDistances(const Descriptor& from, const Descriptor* to, const int* places, int count,
+                      int* distances) {
+  for (int k = 0; k < count; ++k) {
+    const Descriptor& other = to[places[k]];
+    int distance = 0;
+    for (std::size_t i = 0; i < from.size(); ++i)
+      distance += __builtin_popcountll(from[i] ^ other[i]);
+    distances[k] = distance;
+  }
+}
+
+int hammingDistance(const Descriptor& a, const Descriptor& b) {
+  const int place = 0;
+  int distance = 0;
+  hammingDistances(a, &b, &place, 1, &distance);
+  return distance;
+}
+
+}  // namespace point_line_odometry
