@@ -266,7 +266,7 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
       if (!fused.point_inliers[i]) continue;
       const PointResidual<ResidualImages::kBoth> residual(noisy.points[i], camera, T);
       Eigen::Matrix3d covariance =
-          residual.by_landmark * noisy.points[i].covariance * residual.by_landmark.transpose();
+          residual.byLandmark() * noisy.points[i].covariance * residual.byLandmark().transpose();
       covariance.diagonal().array() += 0.09;
       sum += residual.value.dot(covariance.inverse() * residual.value);
     }

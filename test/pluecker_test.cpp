@@ -298,8 +298,8 @@ TYPED_TEST(JacobianTest, Point) {
     const Residual at(point, this->camera_, this->T_);
     ASSERT_TRUE(at.valid);
     ASSERT_GT(at.value.norm(), 1.0);
-    EXPECT_LT(jacobianError(at.by_motion, 6, moved), 1e-6);
-    EXPECT_LT(jacobianError(at.by_landmark, 3, shifted), 1e-6);
+    EXPECT_LT(jacobianError(at.byMotion(), 6, moved), 1e-6);
+    EXPECT_LT(jacobianError(at.byLandmark(), 3, shifted), 1e-6);
   }
 }
 
@@ -318,8 +318,8 @@ TYPED_TEST(JacobianTest, Line) {
     const Residual at(line, this->camera_, this->T_);
     ASSERT_TRUE(at.valid);
     ASSERT_GT(at.value.norm(), 1.0);
-    EXPECT_LT(jacobianError(at.by_motion, 6, moved), 1e-5);
-    EXPECT_LT(jacobianError(at.by_landmark, 6, shifted), 1e-5);
+    EXPECT_LT(jacobianError(at.byMotion(), 6, moved), 1e-5);
+    EXPECT_LT(jacobianError(at.byLandmark(), 6, shifted), 1e-5);
   }
 }
 

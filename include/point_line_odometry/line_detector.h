@@ -17,6 +17,7 @@ struct GradientImage {
   cv::Mat gy;         ///< CV_16SC1
   cv::Mat magnitude;  ///< CV_16UC1, |gx| + |gy|
   cv::Mat smooth;     ///< CV_8UC1, the image after a 5 x 5 Gaussian (sigma 1 px)
+  cv::Mat coarse;     ///< CV_8SC2, (gx, gy) / 4, saturated: a quarter of the memory
 };
 
 /// Smooths a CV_8UC1 image and differentiates it. The memory of `gradient` is used again if it has

@@ -100,6 +100,10 @@ void FastCorners::collectMaxima(int y, int begin, int end) {
       return v_max(cv::v_load(row + x), v_max(cv::v_load(row + x - 1), cv::v_load(row + x + 1)));
     };
     const Bytes score = cv::v_load(here + x);
+    if (!v_check_any(score > cv::v_setzero_u8())) {
+      v_store(maxima_.data() + x, score);
+      continue;
+    }
     const Bytes beside = v_max(cv::v_load(here + x - 1), cv::v_load(here + x + 1));
     const Bytes others = v_max(beside, v_max(rowMaximum(above), rowMaximum(below)));
     v_store(maxima_.data() + x, score & (score > others));

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
+#include <opencv2/core/hal/intrin.hpp>
 
 #include "point_line_odometry/line_detector.h"
 
@@ -16,6 +16,7 @@ constexpr int kSums = 4;  // gradient along the line and across it, positive and
 constexpr int kPerBand = 2 * kSums;
 constexpr int kPairs = 32;
 
+using Gradient = cv::Vec<schar, 2>;  // as in GradientImage::coarse
 using RowSums = std::array<std::array<float, kSums>, kRows>;
 using BandStatistics = std::array<std::array<float, kPerBand>, kBands>;
 
@@ -60,15 +61,16 @@ class SampleGrid {
 
   int count() const { return count_; }
 
-  /// Gradient at the pixels of a row; 0 outside the image.
-  void sample(const GradientImage& gradient, int row, std::int16_t* gx, std::int16_t* gy) const {
+  /// Gradients (gx, gy) at the pixels of a row; 0 outside the image.
+  void sample(const cv::Mat& coarse, int row, std::array<Gradient, kMaxSamples>* gradients) const {
     const auto begin = static_cast<std::ptrdiff_t>(begins_[row].y) * size_.width + begins_[row].x;
-    const short* all_gx = gradient.gx.ptr<short>();
-    const short* all_gy = gradient.gy.ptr<short>();
+    const Gradient* origin = coarse.ptr<Gradient>() + begin;
+    if (inside_) {
+      for (int i = 0; i < count_; ++i) (*gradients)[i] = origin[offsets_[i]];
+      return;
+    }
     for (int i = 0; i < count_; ++i) {
-      const bool seen = inside_ || contains(begins_[row] + steps_[i]);
-      gx[i] = seen ? all_gx[begin + offsets_[i]] : std::int16_t{0};
-      gy[i] = seen ? all_gy[begin + offsets_[i]] : std::int16_t{0};
+      (*gradients)[i] = contains(begins_[row] + steps_[i]) ? origin[offsets_[i]] : Gradient(0, 0);
     }
   }
 
@@ -88,36 +90,56 @@ class SampleGrid {
   std::array<cv::Point, kRows> begins_;
 };
 
+/// Sum of the components of gradients along one direction, and sum of their sizes.
+struct ComponentSums {
+  cv::v_int32x4 sum = cv::v_setzero_s32();
+  cv::v_uint32x4 size = cv::v_setzero_u32();
+
+  void add(const cv::v_int16x8& gradients, const cv::v_int16x8& direction) {
+    const cv::v_int32x4 component = v_dotprod(gradients, direction);
+    sum = sum + component;
+    size = size + v_abs(component);
+  }
+
+  /// Mean of the positive components, and of the sizes of the negative ones.
+  std::array<float, 2> parts(float half_mean) const {
+    const int total = v_reduce_sum(sum);
+    const int total_size = static_cast<int>(v_reduce_sum(size));
+    return {half_mean * static_cast<float>(total_size + total),
+            half_mean * static_cast<float>(total_size - total)};
+  }
+};
+
 /// Sums of the gradient in the segment's own axes, for each row of pixels parallel to it.
 RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
-  // In fixed point: 12 bits of a gradient, 12 of a direction, and 5 of the number of samples.
+  // In fixed point: 8 bits of a gradient, 13 of a direction, and 5 of the number of samples.
   constexpr float kOne = 4096.0F;
-  const Eigen::Vector2f along = segment.direction();
-  const auto along_x = static_cast<std::int16_t>(cvRound(kOne * along.x()));
-  const auto along_y = static_cast<std::int16_t>(cvRound(kOne * along.y()));
+  const Eigen::Vector2f direction = segment.direction();
+  const auto x = static_cast<std::int16_t>(cvRound(kOne * direction.x()));
+  const auto y = static_cast<std::int16_t>(cvRound(kOne * direction.y()));
+  const auto minus_y = static_cast<std::int16_t>(-y);
+  const cv::v_int16x8 along(x, y, x, y, x, y, x, y);
+  const cv::v_int16x8 across(minus_y, x, minus_y, x, minus_y, x, minus_y, x);
   const SampleGrid grid(segment, gradient.gx.size());
   const float half_mean = 0.5F / (kOne * static_cast<float>(grid.count()));
-  std::array<std::int16_t, kMaxSamples> gx{};  // beyond the samples: zeros
-  std::array<std::int16_t, kMaxSamples> gy{};
+  std::array<Gradient, kMaxSamples> samples{};  // beyond the grid's: zeros
   RowSums rows{};
   for (int row = 0; row < kRows; ++row) {
-    grid.sample(gradient, row, gx.data(), gy.data());
-    int across = 0;
-    int across_size = 0;
-    int parallel = 0;
-    int parallel_size = 0;
-    for (int i = 0; i < kMaxSamples; ++i) {
-      const int g_along = gx[i] * along_x + gy[i] * along_y;
-      const int g_across = gy[i] * along_x - gx[i] * along_y;
-      parallel += g_along;
-      parallel_size += std::abs(g_along);
-      across += g_across;
-      across_size += std::abs(g_across);
+    grid.sample(gradient.coarse, row, &samples);
+    ComponentSums sums_along;
+    ComponentSums sums_across;
+    for (int i = 0; i < kMaxSamples; i += 8) {
+      cv::v_int16x8 first;
+      cv::v_int16x8 second;
+      v_expand(cv::v_load(samples[i].val), first, second);
+      for (const cv::v_int16x8& four : {first, second}) {
+        sums_along.add(four, along);
+        sums_across.add(four, across);
+      }
     }
-    rows[row] = {half_mean * static_cast<float>(across_size + across),
-                 half_mean * static_cast<float>(across_size - across),
-                 half_mean * static_cast<float>(parallel_size + parallel),
-                 half_mean * static_cast<float>(parallel_size - parallel)};
+    const std::array<float, 2> parts_across = sums_across.parts(half_mean);
+    const std::array<float, 2> parts_along = sums_along.parts(half_mean);
+    rows[row] = {parts_across[0], parts_across[1], parts_along[0], parts_along[1]};
   }
   return rows;
 }

@@ -166,7 +166,8 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
   for (const std::int32_t anchor : map.anchors()) {
     if (!map[anchor]) continue;
     const std::vector<std::int32_t>& chain = scratch_->chains.follow(anchor, &map);
-    if (static_cast<double>(chain.size()) < 0.5 * parameters_.min_length_px) continue;
+    // The pixels of a diagonal edge are sqrt(2) apart.
+    if (static_cast<double>(chain.size()) < 0.7 * parameters_.min_length_px) continue;
     scratch_->places.clear();
     for (const std::int32_t i : chain)
       scratch_->places.push_back(subpixel(gradient, map.column(i), map.row(i)));

@@ -1,6 +1,7 @@
 #include "features/orb_descriptor.h"
 
 #include <cmath>
+#include <opencv2/core/hal/intrin.hpp>
 #include <random>
 
 namespace point_line_odometry {
@@ -63,12 +64,13 @@ OrbDescriptor::OrbDescriptor() {
 float OrbDescriptor::orientation(const cv::Mat& image, cv::Point centre) const {
   std::array<std::int16_t, kColumns> sums{};          // of each column
   std::array<std::int16_t, kColumns> sums_times_y{};  // of y times brightness
+  const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const uchar* middle = image.ptr<uchar>(centre.y) + centre.x - kRadius;
   for (int i = 0; i < kColumns; ++i)
     sums[i] = static_cast<std::int16_t>(middle[i] & in_disc_[0][i]);
   for (int dy = 1; dy <= kRadius; ++dy) {
-    const uchar* above = middle - dy * static_cast<std::ptrdiff_t>(image.step1());
-    const uchar* below = middle + dy * static_cast<std::ptrdiff_t>(image.step1());
+    const uchar* above = middle - dy * step;
+    const uchar* below = middle + dy * step;
     const auto& in_disc = in_disc_[dy];
     for (int i = 0; i < kColumns; ++i) {
       const auto up = static_cast<std::int16_t>(above[i] & in_disc[i]);
@@ -107,14 +109,16 @@ Descriptor OrbDescriptor::describe(const cv::Mat& smooth, cv::Point centre, floa
       static_cast<int>(std::lround(angle_rad * kRotations / (2.0 * kPi))) % kRotations;
   const Offsets* offsets = offsets_[rotation].data();
   const uchar* origin = smooth.ptr<uchar>(centre.y) + centre.x;
+  std::array<uchar, kBits> first;
+  std::array<uchar, kBits> second;
+  for (int bit = 0; bit < kBits; ++bit) {
+    first[bit] = origin[offsets[bit].first];
+    second[bit] = origin[offsets[bit].second];
+  }
   Descriptor descriptor{};
-  for (std::uint64_t& word : descriptor) {
-    for (int byte = 0; byte < 8; ++byte, offsets += 8) {
-      unsigned bits = 0;
-      for (unsigned bit = 0; bit < 8; ++bit)
-        bits |= (origin[offsets[bit].first] < origin[offsets[bit].second] ? 1U : 0U) << bit;
-      word |= static_cast<std::uint64_t>(bits) << (8 * byte);
-    }
+  for (int bit = 0; bit < kBits; bit += 16) {
+    const cv::v_uint8x16 darker = cv::v_load(first.data() + bit) < cv::v_load(second.data() + bit);
+    descriptor[bit / 64] |= static_cast<std::uint64_t>(v_signmask(darker)) << (bit % 64);
   }
   return descriptor;
 }

@@ -16,38 +16,43 @@ static_assert(kBorder >= FastCorners::kMinBorder, "the corner test reads as far"
 /// The strongest corners of each cell, cells in reading order.
 class CellSelector {
  public:
-  /// \param size of the area that the cells tile, whose first pixel is (kBorder, kBorder).
+  /// \param corners in reading order. \param size of the area that the cells tile, whose first
+  /// pixel is (kBorder, kBorder).
   const std::vector<FastCorner>& select(const std::vector<FastCorner>& corners, cv::Size size,
                                         const PointParameters& parameters) {
     const int cell = parameters.cell_size_px;
     const int columns = (size.width + cell - 1) / cell;
     const int rows = (size.height + cell - 1) / cell;
-    if (cells_.size() < static_cast<std::size_t>(columns) * rows)
-      cells_.resize(static_cast<std::size_t>(columns) * rows);
-    for (std::vector<FastCorner>& content : cells_) content.clear();
-    for (const FastCorner& corner : corners) {
-      const int column = (corner.x - kBorder) / cell;
-      const int row = (corner.y - kBorder) / cell;
-      cells_[static_cast<std::size_t>(row) * columns + column].push_back(corner);
+    cells_.resize(static_cast<std::size_t>(columns) * rows);
+    for (std::vector<std::uint32_t>& content : cells_) content.clear();
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const int column = (corners[i].x - kBorder) / cell;
+      const int row = (corners[i].y - kBorder) / cell;
+      cells_[static_cast<std::size_t>(row) * columns + column].push_back(rank(corners[i], i));
     }
     kept_.clear();
-    for (std::vector<FastCorner>& content : cells_) keepStrongest(&content, parameters);
+    for (std::vector<std::uint32_t>& content : cells_) {
+      const auto quota = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(content.size()),
+                                                  parameters.max_per_cell);
+      const auto end = content.begin() + quota;
+      std::nth_element(content.begin(), end, content.end());
+      std::sort(content.begin(), end);
+      for (auto it = content.begin(); it != end; ++it) kept_.push_back(corners[*it & kMaxIndex]);
+    }
     return kept_;
   }
 
  private:
-  void keepStrongest(std::vector<FastCorner>* content, const PointParameters& parameters) {
-    const auto quota = std::min(content->size(), static_cast<std::size_t>(parameters.max_per_cell));
-    const auto kept_end = content->begin() + static_cast<std::ptrdiff_t>(quota);
-    std::partial_sort(content->begin(), kept_end, content->end(),
-                      [](const FastCorner& a, const FastCorner& b) {
-                        if (a.score != b.score) return a.score > b.score;
-                        return a.y != b.y ? a.y < b.y : a.x < b.x;
-                      });
-    kept_.insert(kept_.end(), content->begin(), kept_end);
+  static constexpr std::uint32_t kMaxIndex = 0xFFFFFF;
+
+  /// Strong ones first, among equals in reading order: the score in the high byte, turned round,
+  /// and the place in the list.
+  static std::uint32_t rank(const FastCorner& corner, std::size_t i) {
+    return (static_cast<std::uint32_t>(255 - corner.score) << 24) |
+           static_cast<std::uint32_t>(std::min<std::size_t>(i, kMaxIndex));
   }
 
-  std::vector<std::vector<FastCorner>> cells_;
+  std::vector<std::vector<std::uint32_t>> cells_;
   std::vector<FastCorner> kept_;
 };
 

@@ -43,18 +43,29 @@ struct Place {
   }
 };
 
+cv::v_float32x4 loadFour(const uchar* p) {
+  return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(p)));
+}
+
+/// Pixels of one row.
+template <int kColumns>
+std::array<float, kColumns> loadRow(const uchar* p) {
+  std::array<float, kColumns> row;
+  int c = 0;
+  for (; c + 4 <= kColumns; c += 4) v_store(row.data() + c, loadFour(p + c));
+  for (; c < kColumns; ++c) row[c] = p[c];
+  return row;
+}
+
 /// Samples between the pixels of one row.
 template <int kColumns>
 std::array<float, kColumns> sampleRow(const uchar* p, float right) {
-  const auto load = [](const uchar* four) {
-    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(four)));
-  };
   const cv::v_float32x4 weight_right = cv::v_setall_f32(right);
   const cv::v_float32x4 weight_here = cv::v_setall_f32(1.0F - right);
   std::array<float, kColumns> row;
   int c = 0;
   for (; c + 4 <= kColumns; c += 4) {
-    v_store(row.data() + c, load(p + c) * weight_here + load(p + c + 1) * weight_right);
+    v_store(row.data() + c, loadFour(p + c) * weight_here + loadFour(p + c + 1) * weight_right);
   }
   for (; c < kColumns; ++c) row[c] = (1.0F - right) * p[c] + right * p[c + 1];
   return row;
@@ -63,6 +74,13 @@ std::array<float, kColumns> sampleRow(const uchar* p, float right) {
 /// Bilinear samples, kRows rows of kColumns: along the rows first, then between them.
 template <int kRows, int kColumns>
 void sample(const Place<kRows, kColumns>& place, float* values) {
+  if (place.right == 0.0F && place.below == 0.0F) {  // corners lie on pixels
+    for (int r = 0; r < kRows; ++r, values += kColumns) {
+      const std::array<float, kColumns> row = loadRow<kColumns>(place.origin + r * place.step);
+      std::copy(row.begin(), row.end(), values);
+    }
+    return;
+  }
   std::array<float, kColumns> above = sampleRow<kColumns>(place.origin, place.right);
   for (int r = 0; r < kRows; ++r, values += kColumns) {
     const std::array<float, kColumns> below =

@@ -86,8 +86,8 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
     const PointCorrespondence& point = correspondences.points[i];
     const PointResidual<ResidualImages::kBoth> residual(point, camera_, motion.T_curr_prev);
     if (!residual.valid) continue;
-    Eigen::Matrix3d covariance =
-        residual.by_landmark * point.covariance * residual.by_landmark.transpose();
+    const Eigen::Matrix3d by_landmark = residual.byLandmark();
+    Eigen::Matrix3d covariance = by_landmark * point.covariance * by_landmark.transpose();
     covariance.diagonal().array() += point.sigma_px * point.sigma_px;
     const Eigen::Matrix3d weight = covariance.inverse();
     const double norm = std::sqrt(residual.value.dot(weight * residual.value));
@@ -98,10 +98,9 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
     const double disparity = camera_.fx * camera_.baseline_m / point.p_prev.z();
     const Eigen::Vector2d prev_right = camera_.projectRight(point.p_prev);
     Eigen::Matrix<double, 3, RightImageCorrection::kTerms> J =
-        residual.by_landmark * (-point.p_prev / disparity) *
-        correction_.terms(prev_right).transpose();
+        by_landmark * (-point.p_prev / disparity) * correction_.terms(prev_right).transpose();
     J.row(2) -= correction_.terms(point.right_px).transpose();
-    const Eigen::Matrix<double, 3, 6> J_motion = residual.by_motion;
+    const Eigen::Matrix<double, 3, 6> J_motion = residual.byMotion();
     const Eigen::Vector3d r = residual.value;
     by_motion += huber * J_motion.transpose() * weight * J_motion;
     by_terms += huber * J.transpose() * weight * J;

@@ -82,13 +82,15 @@ class MotionCost : public ceres::CostFunction {
     const auto robust = [&](const Jacobian& J) -> Jacobian {
       return huber.scale * J + huber.twice_derivative * whitened * (whitened.transpose() * J);
     };
+    if (rows->by_rotation == nullptr && rows->by_translation == nullptr) return;
+    const Eigen::Matrix<double, kRows, 6> by_motion = weight * residual.byMotion();
     if (rows->by_rotation != nullptr) {
-      const Jacobian J = weight * residual.by_motion.template leftCols<3>() * rows->left_jacobian;
+      const Jacobian J = by_motion.template leftCols<3>() * rows->left_jacobian;
       Eigen::Map<Jacobian>(rows->by_rotation) = robust(J);
       rows->by_rotation += 3 * kRows;
     }
     if (rows->by_translation != nullptr) {
-      const Jacobian J = weight * residual.by_motion.template rightCols<3>();
+      const Jacobian J = by_motion.template rightCols<3>();
       Eigen::Map<Jacobian>(rows->by_translation) = robust(J);
       rows->by_translation += 3 * kRows;
     }

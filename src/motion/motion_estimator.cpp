@@ -12,6 +12,10 @@
 namespace point_line_odometry {
 namespace {
 
+// Relative change of the cost at which the solver stops: before outliers are removed, and after.
+constexpr double kCoarseTolerance = 1e-3;
+constexpr double kFineTolerance = 1e-6;
+
 /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
 /// amount to.
 struct Statistics {
@@ -52,19 +56,25 @@ class MotionProblem {
     int iterations = 0;
   };
 
-  /// Levenberg-Marquardt from a start; the rotation can be held.
-  Solution solve(const Eigen::Isometry3d& T_curr_prev, bool hold_rotation) const {
+  struct SolveOptions {
+    bool hold_rotation = false;
+    double function_tolerance =
+        kFineTolerance;  // relative change of the cost at which the solver stops
+  };
+
+  /// Levenberg-Marquardt from a start.
+  Solution solve(const Eigen::Isometry3d& T_curr_prev, const SolveOptions& solve_options) const {
     MotionVector motion = MotionVector::from(T_curr_prev);
     MotionCost<kImages> cost(points_, lines_, parameters_.huber_delta);
     ceres::Problem::Options problem_options;
     problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(problem_options);
     problem.AddResidualBlock(&cost, nullptr, motion.rotation.data(), motion.translation.data());
-    if (hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
+    if (solve_options.hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
     options.max_num_iterations = parameters_.max_iterations;
-    options.function_tolerance = 1e-8;
+    options.function_tolerance = solve_options.function_tolerance;
     options.num_threads = 1;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
@@ -83,7 +93,7 @@ class MotionProblem {
       const double norm = whitened.norm();
       const double huber_weight =
           norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
-      const auto J = (weight * residual.by_motion).eval();
+      const auto J = (weight * residual.byMotion()).eval();
       statistics.information += huber_weight * J.transpose() * J;
       statistics.chi2 += huber_weight * norm * norm;
       statistics.squares_px += residual.value.squaredNorm();
@@ -159,7 +169,7 @@ MotionEstimate estimate(const Correspondences& correspondences, const StereoCame
   const int matches = problem.numPoints() + problem.numLines();
   if (matches < parameters.min_matches) return failed(MotionStatus::kTooFewMatches, problem, 0);
 
-  const auto first = problem.solve(T_curr_prev_initial, false);
+  const auto first = problem.solve(T_curr_prev_initial, {false, kCoarseTolerance});
   if (!first.usable) return failed(MotionStatus::kSolverFailed, problem, first.iterations);
   problem.linearizeWeights(first.T_curr_prev);
   problem.selectInliers(first.T_curr_prev);
@@ -167,7 +177,7 @@ MotionEstimate estimate(const Correspondences& correspondences, const StereoCame
   if (inliers < parameters.min_inliers || inliers < parameters.min_inlier_ratio * matches) {
     return failed(MotionStatus::kTooFewInliers, problem, first.iterations);
   }
-  const auto second = problem.solve(first.T_curr_prev, false);
+  const auto second = problem.solve(first.T_curr_prev, {false, kFineTolerance});
   const int iterations = first.iterations + second.iterations;
   if (!second.usable) return failed(MotionStatus::kSolverFailed, problem, iterations);
   return finished(problem, second.T_curr_prev, iterations);
@@ -183,7 +193,7 @@ MotionEstimate estimateTranslation(const MotionEstimate& direct, const Eigen::Is
   problem.selectInliers(start);
   const int inliers = problem.numPoints() + problem.numLines();
   if (inliers < parameters.min_inliers) return direct;
-  const auto solution = problem.solve(start, true);
+  const auto solution = problem.solve(start, {true, kFineTolerance});
   if (!solution.usable) return direct;
   return finished(problem, solution.T_curr_prev, direct.iterations + solution.iterations);
 }

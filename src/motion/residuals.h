@@ -12,8 +12,9 @@ namespace point_line_odometry {
 enum class ResidualImages { kLeft, kBoth };
 
 // The residuals below exist once, here; the solver's cost, the weights, the outlier test and the
-// covariance use them. Derivatives are by (rotation about the axes of the current camera,
-// translation): T -> (exp(rotation) R, t + translation).
+// covariance use them. Derivatives are made when they are asked for, and only of valid residuals.
+// Those by the motion are by (rotation about the axes of the current camera, translation):
+// T -> (exp(rotation) R, t + translation).
 
 /// Reprojection error of a point (paper, eq. 5) [px]: observed minus projected u, v in the left
 /// and, with kBoth, u in the right image (its v repeats the left one in a rectified pair).
@@ -21,15 +22,23 @@ template <ResidualImages kImages>
 struct PointResidual {
   using Correspondence = PointCorrespondence;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 3 : 2;
-  static constexpr int kLandmarkSize = 3;
+  using ByMotion = Eigen::Matrix<double, kRows, 6>;
+  using ByLandmark = Eigen::Matrix<double, kRows, 3>;
 
   Eigen::Matrix<double, kRows, 1> value;
-  Eigen::Matrix<double, kRows, 6> by_motion;
-  Eigen::Matrix<double, kRows, 3> by_landmark;  ///< by p_prev
   bool valid = false;  ///< false if the point is not in front of the camera
 
   PointResidual(const PointCorrespondence& point, const StereoCamera& camera,
                 const Eigen::Isometry3d& T_curr_prev);
+
+  ByMotion byMotion() const;
+  /// By p_prev.
+  ByLandmark byLandmark() const { return by_p_ * R_; }
+
+ private:
+  Eigen::Matrix<double, kRows, 3> by_p_;  // by the point in the current camera
+  Eigen::Matrix3d R_;
+  Eigen::Vector3d rotated_;
 };
 
 /// Distances of the observed end points to the projected line (paper, eq. 4 and 6) [px]: start and
@@ -38,16 +47,27 @@ template <ResidualImages kImages>
 struct LineResidual {
   using Correspondence = LineCorrespondence;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 4 : 2;
-  static constexpr int kLandmarkSize = 6;
+  using ByMotion = Eigen::Matrix<double, kRows, 6>;
+  using ByLandmark = Eigen::Matrix<double, kRows, 6>;
 
   Eigen::Matrix<double, kRows, 1> value;
-  Eigen::Matrix<double, kRows, 6> by_motion;
-  Eigen::Matrix<double, kRows, 6> by_landmark;  ///< by (start_prev, end_prev)
   /// False if the line has no direction in the image, or is not in front of the camera.
   bool valid = false;
 
   LineResidual(const LineCorrespondence& line, const StereoCamera& camera,
                const Eigen::Isometry3d& T_curr_prev);
+
+  ByMotion byMotion() const;
+  /// By (start_prev, end_prev).
+  ByLandmark byLandmark() const;
+
+ private:
+  Eigen::Matrix<double, 3, kRows> by_moment_;  // by n + t x v, one column for each row
+  Eigen::Matrix<double, 3, kRows> by_moment_cross_t_;
+  Eigen::Matrix3d R_;
+  PlueckerLine rotated_;
+  Eigen::Vector3d start_prev_;
+  Eigen::Vector3d end_prev_;
 };
 
 }  // namespace point_line_odometry

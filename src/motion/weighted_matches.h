@@ -70,8 +70,10 @@ class WeightedMatches {
   static bool computeWeight(const Correspondence& match, const Residual& residual,
                             bool use_triangulation_covariance, Weight* weight) {
     Weight covariance = match.sigma_px * match.sigma_px * Weight::Identity();
-    if (use_triangulation_covariance)
-      covariance += residual.by_landmark * match.covariance * residual.by_landmark.transpose();
+    if (use_triangulation_covariance) {
+      const auto by_landmark = residual.byLandmark();
+      covariance += by_landmark * match.covariance * by_landmark.transpose();
+    }
     if (!covariance.allFinite()) return false;
     const Eigen::LLT<Weight> cholesky(covariance);
     if (cholesky.info() != Eigen::Success) return false;
