@@ -13,7 +13,7 @@ namespace point_line_odometry {
 namespace {
 
 // Relative change of the cost at which the solver stops: before outliers are removed, and after.
-constexpr double kCoarseTolerance = 1e-3;
+constexpr double kCoarseTolerance = 1e-5;
 constexpr double kFineTolerance = 1e-6;
 
 /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
