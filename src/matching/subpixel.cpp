@@ -50,10 +50,10 @@ cv::v_float32x4 loadFour(const uchar* p) {
 /// Pixels of one row.
 template <int kColumns>
 std::array<float, kColumns> loadRow(const uchar* p) {
+  constexpr int kInFours = kColumns / 4 * 4;
   std::array<float, kColumns> row;
-  int c = 0;
-  for (; c + 4 <= kColumns; c += 4) v_store(row.data() + c, loadFour(p + c));
-  for (; c < kColumns; ++c) row[c] = p[c];
+  for (int c = 0; c < kInFours; c += 4) v_store(row.data() + c, loadFour(p + c));
+  for (int c = kInFours; c < kColumns; ++c) row[c] = p[c];
   return row;
 }
 
@@ -62,12 +62,12 @@ template <int kColumns>
 std::array<float, kColumns> sampleRow(const uchar* p, float right) {
   const cv::v_float32x4 weight_right = cv::v_setall_f32(right);
   const cv::v_float32x4 weight_here = cv::v_setall_f32(1.0F - right);
+  constexpr int kInFours = kColumns / 4 * 4;
   std::array<float, kColumns> row;
-  int c = 0;
-  for (; c + 4 <= kColumns; c += 4) {
+  for (int c = 0; c < kInFours; c += 4) {
     v_store(row.data() + c, loadFour(p + c) * weight_here + loadFour(p + c + 1) * weight_right);
   }
-  for (; c < kColumns; ++c) row[c] = (1.0F - right) * p[c] + right * p[c + 1];
+  for (int c = kInFours; c < kColumns; ++c) row[c] = (1.0F - right) * p[c] + right * p[c + 1];
   return row;
 }
 
