@@ -20,7 +20,7 @@ struct LineParameters {
   bool enabled = true;
   double min_length_px = 20.0;
   int max_count = 300;
-  double min_gradient = 5.0;
+  double min_gradient = 4.0;
   double max_deviation_px = 1.0;
 };
 
