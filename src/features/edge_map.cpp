@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "processor_clones.h"
+#include "common/processor_clones.h"
 
 namespace point_line_odometry {
 namespace {

@@ -2,8 +2,8 @@
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
+#include "common/processor_clones.h"
 #include "point_line_odometry/line_detector.h"
-#include "processor_clones.h"
 
 namespace point_line_odometry {
 namespace {

@@ -1,6 +1,6 @@
 #include "matching/descriptor_distance.h"
 
-#include "processor_clones.h"
+#include "common/processor_clones.h"
 
 namespace point_line_odometry {
 
