@@ -45,7 +45,7 @@ class AContrarioTable {
 /// Finds straight edges to sub-pixel accuracy and validates them a contrario, as LSD does (von Gioi
 /// et al. 2010), but grows chains of pixels along the ridges of the gradient instead of regions (as
 /// in Edge Drawing, Topal and Akinlar 2012, and ELSED, Suarez et al. 2022), which touches far fewer
-/// pixels. Chains jump gaps of up to an eighth of their length and 7 px; segments beside a stronger
+/// pixels. Chains jump gaps of up to a fifth of their length and 7 px; segments beside a stronger
 /// edge of their kind are dropped.
 class LineDetector {
  public:

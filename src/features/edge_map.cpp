@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 
+#include "common/non_zero_bytes.h"
 #include "common/processor_clones.h"
 
 namespace point_line_odometry {
@@ -80,15 +80,9 @@ void markAnchors(const short* __restrict gx, const short* __restrict gy,
 void EdgeMap::collectAnchors(const GradientImage& gradient, int y) {
   const ushort* magnitude = gradient.magnitude.ptr<ushort>(y);
   const std::int32_t begin = (y + kMargin) * stride_ + kMargin;
-  // Most pixels are none: eight of them are passed over at once.
-  for (int x = 0; x < gradient.magnitude.cols; x += 8) {
-    std::uint64_t marks = 0;
-    std::memcpy(&marks, is_anchor_.data() + x, sizeof(marks));
-    if (marks == 0) continue;
-    for (int k = x; k < x + 8; ++k) {
-      if (is_anchor_[k] != 0) candidates_.push_back({begin + k, magnitude[k]});
-    }
-  }
+  forEachNonZero(is_anchor_.data(), 0, gradient.magnitude.cols, [&](int x) {
+    candidates_.push_back({begin + x, magnitude[x]});
+  });
 }
 
 /// Strong edges first, in steps of a factor of two; within a step in reading order, which visits

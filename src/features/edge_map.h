@@ -27,11 +27,6 @@ class EdgePixel {
   std::uint16_t value_ = 0;
 };
 
-/// Difference of two directions: -128 ... 127 parts of 256 of a turn.
-inline int directionDifference(std::uint8_t a, std::uint8_t b) {
-  return static_cast<std::int8_t>(static_cast<std::uint8_t>(a - b));
-}
-
 /// The pixels of an image whose gradient is strong enough for an edge. Edges are followed on this
 /// map alone: it is a third of the gradient's memory, and directions are compared by one
 /// subtraction.

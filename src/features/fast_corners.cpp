@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
+
+#include "common/non_zero_bytes.h"
 
 namespace point_line_odometry {
 namespace {
@@ -108,15 +109,9 @@ void FastCorners::collectMaxima(int y, int begin, int end) {
     const Bytes others = v_max(beside, v_max(rowMaximum(above), rowMaximum(below)));
     v_store(maxima_.data() + x, score & (score > others));
   }
-  for (int x = begin; x < end; x += 8) {
-    std::uint64_t eight = 0;
-    std::memcpy(&eight, maxima_.data() + x, sizeof(eight));
-    if (eight == 0) continue;
-    for (int k = x; k < std::min(x + 8, end); ++k) {
-      if (maxima_[k] == 0) continue;
-      corners_.push_back({static_cast<std::int16_t>(k), static_cast<std::int16_t>(y), maxima_[k]});
-    }
-  }
+  forEachNonZero(maxima_.data(), begin, end, [&](int x) {
+    corners_.push_back({static_cast<std::int16_t>(x), static_cast<std::int16_t>(y), maxima_[x]});
+  });
 }
 
 const std::vector<FastCorner>& FastCorners::detect(const cv::Mat& image, int threshold,
