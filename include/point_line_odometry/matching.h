@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -27,6 +28,7 @@ struct StereoPoint {
   int right = -1;  ///< index into DetectedFeatures::points_right
   Eigen::Vector2f right_px =
       Eigen::Vector2f::Zero();  ///< sub-pixel place in the right image, as seen
+  double sigma_px = 1.0;        ///< of each pixel coordinate
   TriangulatedPoint triangulated;
 };
 
@@ -76,6 +78,39 @@ struct MotionPrediction {
   double radius_px = 25.0;
 };
 
+/// A point that was seen before, and where it should be in the images of frame k.
+struct ExpectedPoint {
+  Eigen::Vector2f left_px = Eigen::Vector2f::Zero();
+  Eigen::Vector2f right_px = Eigen::Vector2f::Zero();
+  Descriptor left_descriptor{};
+  Descriptor right_descriptor{};
+};
+
+/// The same for a line.
+struct ExpectedLine {
+  LineSegment left;
+  LineSegment right;
+  Descriptor left_descriptor{};
+  Descriptor right_descriptor{};
+};
+
+/// Segments of a line whose end points are these in the current left camera [m]; the descriptors
+/// are for the caller to fill in. Nothing if it is behind the camera or not within the left image
+/// and a margin.
+std::optional<ExpectedLine> expectLine(const StereoCamera& camera, const Eigen::Vector3d& start,
+                                       const Eigen::Vector3d& end, double margin_px);
+
+/// Pairs (expected, stereo point of frame k): the right leg's best descriptor in a disc leads to a
+/// stereo point whose left leg's best leads back.
+std::vector<IndexPair> matchExpectedPoints(const std::vector<ExpectedPoint>& expected,
+                                           const StereoFrame& curr, double radius_px,
+                                           const MatchingParameters& parameters);
+
+/// The same for stereo lines, with the appearance-geometry constraint (paper, section 3).
+std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expected,
+                                          const StereoFrame& curr, double radius_px,
+                                          const MatchingParameters& parameters);
+
 /// Pairs of stereo points (k-1, k) whose circle l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) closes
 /// (paper, section 2): the legs within a frame are the stereo pairs, those between frames the best
 /// descriptors near the predicted place (paper, eq. 1).
@@ -108,22 +143,35 @@ class PatchAligner {
  public:
   static constexpr int kSide = 11;
   static constexpr int kPitch = 12;  ///< of rows in memory: the last column is not used
+  static constexpr int kWide = kSide + 2;  ///< with what the gradients of the border need
   using Patch = std::array<float, kSide * kPitch>;
+  using WidePatch = std::array<float, kWide * kWide + kPitch - kSide>;
 
   /// \param image CV_8UC1. \param pixel centre of the patch.
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel);
+
+  /// The patch as it would look from elsewhere.
+  /// \param source_by_target pixels of the image per pixel of the patch.
+  PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
+               const Eigen::Matrix2f& source_by_target);
 
   /// Centre of the patch in the target. Nothing if it does not converge near the initial place, the
   /// patches differ, or the patch has no corner.
   std::optional<Eigen::Vector2f> align(const cv::Mat& target,
                                        const Eigen::Vector2f& initial_px) const;
 
+  /// Standard deviation of a coordinate of an aligned place per that of the brightness of a pixel
+  /// [px / grey level].
+  double noiseGain() const { return std::sqrt(0.5 * inverse_hessian_.trace()); }
+
  private:
+  void prepare(const WidePatch& wide);
+
   Patch brightness_;  // each less its mean
   Patch gx_;
   Patch gy_;
   Eigen::Vector2f at_brightness_;  // products of the gradients and the brightness
-  Eigen::Matrix2f inverse_hessian_;
+  Eigen::Matrix2f inverse_hessian_ = Eigen::Matrix2f::Zero();
   bool usable_ = false;
 };
 

@@ -10,26 +10,34 @@
 
 namespace point_line_odometry {
 
-/// A point triangulated in frame k-1 and its pixels in frame k.
-struct PointCorrespondence {
-  Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
+/// Where a stereo frame sees a point; the right pixel as a correctly calibrated camera would see it.
+struct PointSight {
   Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_px = Eigen::Vector2d::Zero();
   double sigma_px = 1.0;  ///< of each pixel coordinate
 };
 
-/// A segment triangulated in frame k-1 and the segments seen in frame k.
-struct LineCorrespondence {
-  Eigen::Vector3d start_prev =
-      Eigen::Vector3d::Zero();  ///< end points in the previous left camera [m]
-  Eigen::Vector3d end_prev = Eigen::Vector3d::Zero();
-  Matrix6d covariance = Matrix6d::Zero();  ///< of (start, end) [m^2]
+/// Where a stereo frame sees a line: the segments in its two images.
+struct LineSight {
   Eigen::Vector2d left_start_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d left_end_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_start_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_end_px = Eigen::Vector2d::Zero();
   double sigma_px = 1.0;  ///< of an end point, across the line
+};
+
+/// A point whose place in the previous left camera is known, and where frame k sees it.
+struct PointCorrespondence : PointSight {
+  Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
+};
+
+/// A line whose place in the previous left camera is known, and where frame k sees it.
+struct LineCorrespondence : LineSight {
+  Eigen::Vector3d start_prev =
+      Eigen::Vector3d::Zero();  ///< end points in the previous left camera [m]
+  Eigen::Vector3d end_prev = Eigen::Vector3d::Zero();
+  Matrix6d covariance = Matrix6d::Zero();  ///< of (start, end) [m^2]
 };
 
 struct Correspondences {

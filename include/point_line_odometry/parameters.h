@@ -43,9 +43,11 @@ struct MatchingParameters {
 /// Triangulation, the point-line reprojection model and its solution.
 struct MotionParameters {
   std::string residual_images = "both";
-  bool fuse_rotation = true;
-  double point_noise_px = 0.3;
-  double line_noise_px = 0.3;
+  bool fuse_rotation = false;
+  double point_noise_px = 0.15;
+  double image_noise = 2.5;
+  double line_noise_px = 0.15;
+  double edge_noise_px = 0.45;
   double min_line_angle_deg = 5.0;
   double huber_delta = 1.5;
   double outlier_threshold = 3.0;
@@ -54,6 +56,20 @@ struct MotionParameters {
   int min_inliers = 6;
   double min_inlier_ratio = 0.25;
   bool use_triangulation_covariance = true;
+};
+
+/// Landmarks and keyframes that are adjusted together.
+struct WindowParameters {
+  int size = 5;
+  double keyframe_overlap = 0.7;
+  int points_per_cell = 6;
+  int max_iterations = 5;
+};
+
+/// Landmarks that are kept after they left the window.
+struct LocalMapParameters {
+  int size = 100;
+  double search_radius_px = 10.0;
 };
 
 /// What to do when frames are missing or give no motion.
@@ -72,6 +88,8 @@ struct Parameters {
   LineParameters lines;
   MatchingParameters matching;
   MotionParameters motion;
+  WindowParameters window;
+  LocalMapParameters local_map;
   TrackingParameters tracking;
 };
 
@@ -136,9 +154,13 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("motion/fuse_rotation", p.motion.fuse_rotation,
         "fuse the rotation with an estimate over two frames (paper, eq. 9-10)");
   visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px",
-        "standard deviation of a point's pixel");
+        "standard deviation of a point's pixel if the image had no noise");
+  visit("motion/image_noise", p.motion.image_noise, 0.0, 100.0, "grey levels",
+        "standard deviation of a brightness; adds to the noise of points with little contrast");
   visit("motion/line_noise_px", p.motion.line_noise_px, 0.01, 10.0, "px",
-        "standard deviation of a segment's end point across the line");
+        "standard deviation of a very long segment's end point across the line");
+  visit("motion/edge_noise_px", p.motion.edge_noise_px, 0.0, 10.0, "px",
+        "standard deviation of an edge pixel; adds to the noise of short segments");
   visit("motion/min_line_angle_deg", p.motion.min_line_angle_deg, 1.0, 60.0, "deg",
         "lines nearer to the epipolar direction are not triangulated");
   visit("motion/huber_delta", p.motion.huber_delta, 0.1, 100.0, "sigma",
@@ -154,6 +176,20 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "smaller share of inliers gives no motion");
   visit("motion/use_triangulation_covariance", p.motion.use_triangulation_covariance,
         "carry the noise of the triangulation into the weights");
+
+  visit("window/size", p.window.size, 0, 30, "keyframes",
+        "poses that are adjusted together with their landmarks; 0: no landmarks, motion from frame "
+        "to frame (the paper)");
+  visit("window/keyframe_overlap", p.window.keyframe_overlap, 0.1, 0.95, "",
+        "a frame that sees a smaller share of the last keyframe's landmarks is the next keyframe");
+  visit("window/points_per_cell", p.window.points_per_cell, 1, 50, "",
+        "points that are tracked as landmarks in a cell of points/cell_size_px");
+  visit("window/max_iterations", p.window.max_iterations, 1, 50, "",
+        "Levenberg-Marquardt steps for a window");
+  visit("local_map/size", p.local_map.size, 0, 2000, "keyframes",
+        "kept after they left the window, with their landmarks; 0: none");
+  visit("local_map/search_radius_px", p.local_map.search_radius_px, 1.0, 200.0, "px",
+        "search round the projection of a landmark that was not seen in the last frame");
 
   visit("tracking/max_frame_gap_s", p.tracking.max_frame_gap_s, 0.01, 60.0, "s",
         "a longer gap starts a new reference; the pose is kept");

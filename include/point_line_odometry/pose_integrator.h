@@ -16,6 +16,22 @@ struct CameraVelocity {
   std::int64_t stamp_ns = 0;     ///< of the second one
 };
 
+/// A measured motion since the reference.
+struct MotionStep {
+  Eigen::Isometry3d T_measured = Eigen::Isometry3d::Identity();  ///< reference <- camera
+  Eigen::Isometry3d T_reference_camera =
+      Eigen::Isometry3d::Identity();  ///< the same with what earlier frames were corrected by
+  Matrix6d covariance = Matrix6d::Zero();  ///< along and about the axes of the reference
+  /// How much of the error is handed on to the next poses. Against a map, that of a frame is its
+  /// own, but the landmarks that are made with it keep it; from frame to frame it stays.
+  double share_that_stays = 1.0;
+};
+
+/// `T_measured`, moved towards `T_wanted` as far as so many standard deviations of its covariance.
+Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
+                              const Eigen::Isometry3d& T_wanted, const Matrix6d& covariance,
+                              double max_sigmas);
+
 /// Pose of the camera in odom with its covariance, and the velocity: what is known between frames.
 /// A measured motion starts at the reference frame; without one, the velocity carries the pose on
 /// for a bounded time, and then it is held.
@@ -25,9 +41,7 @@ class PoseIntegrator {
   void reset(const Eigen::Isometry3d& T_odom_camera);
 
   /// Continues from the reference's pose with a measured motion.
-  /// \param covariance of T_reference_camera, along and about the axes of the reference.
-  void addMeasurement(const Eigen::Isometry3d& T_reference_camera, const Matrix6d& covariance,
-                      double dt_s, std::int64_t stamp_ns);
+  void addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns);
 
   /// Continues from the last pose at the last velocity, with grown covariance. Returns false if the
   /// velocity is unknown or was measured longer than max_prediction_s ago: then the pose is held.
@@ -39,6 +53,7 @@ class PoseIntegrator {
   void forgetVelocity() { velocity_.reset(); }
 
   const Eigen::Isometry3d& T_odom_camera() const { return T_odom_camera_; }
+  const Eigen::Isometry3d& T_odom_reference() const { return T_odom_reference_; }
   const Matrix6d& covariance() const { return covariance_; }
 
   /// The last measured velocity; none before two frames were matched.
@@ -52,8 +67,9 @@ class PoseIntegrator {
  private:
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
   Matrix6d covariance_ = Matrix6d::Zero();  // along and about the axes of odom
+  Matrix6d lasting_covariance_ = Matrix6d::Zero();  // the part that is handed on
   Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
-  Matrix6d reference_covariance_ = Matrix6d::Zero();
+  Matrix6d reference_covariance_ = Matrix6d::Zero();  // what the reference has handed on
   std::optional<CameraVelocity> velocity_;
   Vector6d twist_ = Vector6d::Zero();
   Matrix6d twist_covariance_ = Matrix6d::Zero();

@@ -4,18 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/features.h"
-#include "point_line_odometry/matching.h"
-#include "point_line_odometry/motion.h"
 #include "point_line_odometry/parameters.h"
-#include "point_line_odometry/pose_integrator.h"
 #include "point_line_odometry/stereo_camera.h"
-#include "point_line_odometry/stereo_feature_detector.h"
-#include "point_line_odometry/thread_pool.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -46,7 +40,8 @@ const char* toString(TrackingState state);
 const char* toString(TrackingReason reason);
 
 /// Stages whose time is taken, in the order of their work; kTwoFrames runs beside kMatchCircular
-/// and kEstimate if there is a thread for it. kNumStages counts them.
+/// and kEstimate if there is a thread for it. The window's adjustment runs beside the next frame's
+/// first stages: kWindow is the time for which that frame waits for it. kNumStages counts them.
 enum class Stage {
   kDetect,
   kMatchStereo,
@@ -55,7 +50,10 @@ enum class Stage {
   kEstimate,
   kTwoFrames,  ///< matches with frame k-2 and estimate from them
   kFuse,
+  kWindow,
+  kMap,     ///< landmarks found again, and the motion against them
   kRefine,  ///< of the calibration
+  kLearn,   ///< the map learns from the frame
   kNumStages
 };
 constexpr int kNumStages = static_cast<int>(Stage::kNumStages);
@@ -86,6 +84,11 @@ struct FrameCounts {
   int point_inliers = 0;
   int line_inliers = 0;
   int iterations = 0;
+  int map_points = 0;  ///< landmarks known before the frame
+  int map_lines = 0;
+  int map_point_inliers = 0;  ///< landmarks that the pose comes from
+  int map_line_inliers = 0;
+  int keyframes = 0;
 };
 
 /// A matched point, in the current left camera.
@@ -138,6 +141,9 @@ class StereoOdometry {
   /// Throws std::invalid_argument if the camera or a parameter is out of its range (all bad ones
   /// are named).
   StereoOdometry(const StereoCamera& camera, const Parameters& parameters);
+  ~StereoOdometry();
+  StereoOdometry(StereoOdometry&&) noexcept;
+  StereoOdometry& operator=(StereoOdometry&&) noexcept;
 
   /// Estimates the motion since the last frame and integrates it. Bad data gives a state and
   /// reason, never an exception.
@@ -152,61 +158,15 @@ class StereoOdometry {
   /// Takes other parameters from the next frame on. Throws like the constructor.
   void setParameters(const Parameters& parameters);
 
-  const StereoCamera& camera() const { return camera_; }
-  const Parameters& parameters() const { return parameters_; }
+  const StereoCamera& camera() const;
+  const Parameters& parameters() const;
 
   /// Displacement of the right image against its calibration, as estimated so far.
-  const RightImageCorrection& correction() const { return refinement_.correction(); }
+  const RightImageCorrection& correction() const;
 
  private:
-  /// What an earlier frame and the current one say about the motion between them.
-  struct Measurement {
-    TrackingReason reason = TrackingReason::kNone;  // kNone: the motion is measured
-    CircularMatches matches;                        // (earlier, current)
-    Correspondences correspondences;
-    MotionEstimate motion;
-  };
-
-  /// Where the times of a measurement go.
-  struct MeasureTimes {
-    StageTimes* times;
-    Stage match;
-    Stage estimate;
-  };
-
-  struct EarlierFrame {
-    StereoFrame frame;
-    Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
-  };
-
-  StereoFrame makeFrame(const StereoImages& images, StageTimes* times);
-  Measurement measure(const StereoFrame& curr, const StereoImages& images, StageTimes* times) const;
-  Measurement measureSince(const StereoFrame& earlier, const StereoFrame& curr,
-                           const StereoImages& images, const MotionPrediction& prediction,
-                           const MeasureTimes& times) const;
-  TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
-  MotionPrediction predict(double dt_s) const;
-  void integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s);
-  bool shouldBecomeReference(const StereoFrame& curr, const Measurement& measurement) const;
-  void takeReference(StereoFrame curr, const Measurement& measurement);
-  void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
-  void reportPose(FrameResult* result) const;
-  FrameResult dropped(TrackingReason reason, FrameResult result) const;
-  void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
-  void startNewReference();
-
-  StereoCamera camera_;
-  Parameters parameters_;
-  std::unique_ptr<ThreadPool> threads_;
-  StereoFeatureDetector detector_;
-  CalibrationRefinement refinement_;
-
-  // State.
-  TrackingState state_ = TrackingState::kInitializing;
-  std::optional<StereoFrame> reference_;  // frame k-1: the last one that others can be matched with
-  std::optional<EarlierFrame> before_reference_;  // frame k-2, kept for the fusion of rotations
-  PoseIntegrator pose_;
-  std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
+  class Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace point_line_odometry

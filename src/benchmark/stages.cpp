@@ -26,8 +26,9 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
                                  parameters_.matching.search_radius_without_velocity_px};
   const CircularMatches matches =
       ::point_line_odometry::matchCircular(prev2_, prev_, camera_, unknown, parameters_.matching);
-  T_prev_prev2_ = estimateMotion(makeCorrespondences(prev2_, prev_, run[middle - 1], matches,
-                                                     correction_, parameters_),
+  const FrameContext before{run[middle - 1], camera_, correction_, parameters_};
+  T_prev_prev2_ = estimateMotion(makeCorrespondences(prev2_, prev_, matches, unknown.T_curr_prev,
+                                                     before),
                                  camera_, unknown.T_curr_prev, parameters_.motion)
                       .T_curr_prev;
   matchCircular();
@@ -42,7 +43,7 @@ StereoFrame Stages::makeFrame(const StereoImages& images) {
   frame.features = stereo_detector_.detect(images, &threads_);
   const StereoMatches matches =
       ::point_line_odometry::matchStereo(frame.features, parameters_.matching, &threads_);
-  triangulateMatches({matches, images, camera_, correction_, parameters_}, &threads_, &frame);
+  triangulateMatches(matches, {images, camera_, correction_, parameters_}, &threads_, &frame);
   return frame;
 }
 
@@ -50,9 +51,10 @@ MotionPrediction Stages::near(const Eigen::Isometry3d& T_curr_prev) const {
   return {T_curr_prev, parameters_.matching.search_radius_px};
 }
 
-Correspondences Stages::correspondencesOf(const StereoFrame& prev,
-                                          const CircularMatches& matches) const {
-  return makeCorrespondences(prev, curr_, images_, matches, correction_, parameters_);
+Correspondences Stages::correspondencesOf(const StereoFrame& prev, const CircularMatches& matches,
+                                          const Eigen::Isometry3d& T_curr_prev) const {
+  return makeCorrespondences(prev, curr_, matches, T_curr_prev,
+                             {images_, camera_, correction_, parameters_});
 }
 
 std::size_t Stages::gradient() {
@@ -91,7 +93,7 @@ std::size_t Stages::matchStereo() {
 std::size_t Stages::triangulate() {
   curr_.points.clear();
   curr_.lines.clear();
-  triangulateMatches({stereo_matches_, images_, camera_, correction_, parameters_}, &one_thread_,
+  triangulateMatches(stereo_matches_, {images_, camera_, correction_, parameters_}, &one_thread_,
                      &curr_);
   return curr_.points.size() + curr_.lines.size();
 }
@@ -103,7 +105,7 @@ std::size_t Stages::matchCircular() {
 }
 
 std::size_t Stages::correspondences() {
-  correspondences_ = correspondencesOf(prev_, circular_matches_);
+  correspondences_ = correspondencesOf(prev_, circular_matches_, T_prev_prev2_);
   return correspondences_.points.size() + correspondences_.lines.size();
 }
 
@@ -117,7 +119,8 @@ std::size_t Stages::fuse() {
   const CircularMatches matches = ::point_line_odometry::matchCircular(
       prev2_, curr_, camera_, near(expected), parameters_.matching);
   const MotionEstimate over_two =
-      estimateMotion(correspondencesOf(prev2_, matches), camera_, expected, parameters_.motion);
+      estimateMotion(correspondencesOf(prev2_, matches, expected), camera_, expected,
+                     parameters_.motion);
   if (!over_two.ok()) return 0;
   const MotionEstimate fused = fuseRotation(motion_, over_two.T_curr_prev, T_prev_prev2_,
                                             correspondences_, camera_, parameters_.motion);

@@ -42,7 +42,8 @@ class Stages {
  private:
   StereoFrame makeFrame(const StereoImages& images);
   MotionPrediction near(const Eigen::Isometry3d& T_curr_prev) const;
-  Correspondences correspondencesOf(const StereoFrame& prev, const CircularMatches& matches) const;
+  Correspondences correspondencesOf(const StereoFrame& prev, const CircularMatches& matches,
+                                    const Eigen::Isometry3d& T_curr_prev) const;
 
   const Parameters& parameters_;
   StereoCamera camera_;

@@ -214,28 +214,25 @@ std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
   return pairs;
 }
 
-std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
-                                          const StereoCamera& camera,
-                                          const MotionPrediction& prediction,
+std::optional<ExpectedLine> expectLine(const StereoCamera& camera, const Eigen::Vector3d& start,
+                                       const Eigen::Vector3d& end, double margin_px) {
+  const double nearest_m = 0.1 * camera.baseline_m;
+  if (!(start.z() >= nearest_m && end.z() >= nearest_m)) return std::nullopt;
+  ExpectedLine line;
+  line.left = project(camera, start, end, true);
+  if (!ImageArea(camera, margin_px).touches(line.left)) return std::nullopt;
+  line.right = project(camera, start, end, false);
+  return line;
+}
+
+std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expected,
+                                          const StereoFrame& curr, double radius_px,
                                           const MatchingParameters& parameters) {
-  // Lines of k-1 that can be placed in the images of frame k, and where.
-  std::vector<int> prev_index;
   LineViews expected_left;
   LineViews expected_right;
-  const double nearest_m = 0.1 * camera.baseline_m;
-  const ImageArea area(camera, prediction.radius_px);
-  for (std::size_t i = 0; i < prev.lines.size(); ++i) {
-    const StereoLine& line = prev.lines[i];
-    if (!line.triangulated) continue;
-    const Eigen::Vector3d start = prediction.T_curr_prev * line.triangulated->start_camera;
-    const Eigen::Vector3d end = prediction.T_curr_prev * line.triangulated->end_camera;
-    if (start.z() < nearest_m || end.z() < nearest_m) continue;
-    if (!area.touches(project(camera, start, end, true))) continue;
-    prev_index.push_back(static_cast<int>(i));
-    expected_left.add(project(camera, start, end, true),
-                      prev.features.lines_left[line.left].descriptor);
-    expected_right.add(project(camera, start, end, false),
-                       prev.features.lines_right[line.right].descriptor);
+  for (const ExpectedLine& line : expected) {
+    expected_left.add(line.left, line.left_descriptor);
+    expected_right.add(line.right, line.right_descriptor);
   }
   LineViews curr_left;
   LineViews curr_right;
@@ -248,14 +245,38 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
   const std::vector<int> forward =
-      bestNearExpected(expected_right, curr_right, prediction.radius_px, parameters);
+      bestNearExpected(expected_right, curr_right, radius_px, parameters);
   const std::vector<int> backward =
-      bestNearExpected(curr_left, expected_left, prediction.radius_px, parameters);
+      bestNearExpected(curr_left, expected_left, radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
     if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
-      pairs.push_back({prev_index[i], forward[i]});
+      pairs.push_back({static_cast<int>(i), forward[i]});
   }
+  return pairs;
+}
+
+std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
+                                          const StereoCamera& camera,
+                                          const MotionPrediction& prediction,
+                                          const MatchingParameters& parameters) {
+  std::vector<int> prev_index;
+  std::vector<ExpectedLine> expected;
+  for (std::size_t i = 0; i < prev.lines.size(); ++i) {
+    const StereoLine& line = prev.lines[i];
+    if (!line.triangulated) continue;
+    std::optional<ExpectedLine> expected_line =
+        expectLine(camera, prediction.T_curr_prev * line.triangulated->start_camera,
+                   prediction.T_curr_prev * line.triangulated->end_camera, prediction.radius_px);
+    if (!expected_line) continue;
+    expected_line->left_descriptor = prev.features.lines_left[line.left].descriptor;
+    expected_line->right_descriptor = prev.features.lines_right[line.right].descriptor;
+    prev_index.push_back(static_cast<int>(i));
+    expected.push_back(*expected_line);
+  }
+  std::vector<IndexPair> pairs =
+      matchExpectedLines(expected, curr, prediction.radius_px, parameters);
+  for (IndexPair& pair : pairs) pair.first = prev_index[pair.first];
   return pairs;
 }
 

@@ -130,28 +130,14 @@ std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
   return pairs;
 }
 
-std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
-                                           const StereoCamera& camera,
-                                           const MotionPrediction& prediction,
+std::vector<IndexPair> matchExpectedPoints(const std::vector<ExpectedPoint>& expected,
+                                           const StereoFrame& curr, double radius_px,
                                            const MatchingParameters& parameters) {
-  // Points of k-1 that are expected in the images of frame k, and where.
-  const auto margin = static_cast<float>(prediction.radius_px);
-  const Eigen::AlignedBox2f view(Eigen::Vector2f(-margin, -margin),
-                                 Eigen::Vector2f(static_cast<float>(camera.width) + margin,
-                                                 static_cast<float>(camera.height) + margin));
-  std::vector<int> prev_index;
-  StereoPointViews expected;
-  expected.reserve(prev.points.size());
-  for (std::size_t i = 0; i < prev.points.size(); ++i) {
-    const StereoPoint& point = prev.points[i];
-    const Eigen::Vector3d p_curr = prediction.T_curr_prev * point.triangulated.p_camera;
-    if (p_curr.z() < 0.1 * camera.baseline_m) continue;
-    const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
-    if (!view.contains(left_px)) continue;
-    prev_index.push_back(static_cast<int>(i));
-    expected.left.add(left_px, prev.features.points_left[point.left].descriptor);
-    expected.right.add(camera.projectRight(p_curr).cast<float>(),
-                       prev.features.points_right[point.right].descriptor);
+  StereoPointViews from;
+  from.reserve(expected.size());
+  for (const ExpectedPoint& point : expected) {
+    from.left.add(point.left_px, point.left_descriptor);
+    from.right.add(point.right_px, point.right_descriptor);
   }
   StereoPointViews seen;
   seen.reserve(curr.points.size());
@@ -163,16 +149,42 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
   }
 
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
-  const std::vector<int> forward =
-      bestInDiscs(expected.right, seen.right, prediction.radius_px, parameters);
-  const std::vector<int> backward =
-      bestInDiscs(seen.left, expected.left, prediction.radius_px, parameters);
+  const std::vector<int> forward = bestInDiscs(from.right, seen.right, radius_px, parameters);
+  const std::vector<int> backward = bestInDiscs(seen.left, from.left, radius_px, parameters);
   std::vector<IndexPair> pairs;
   for (std::size_t i = 0; i < forward.size(); ++i) {
-    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i)) {
-      pairs.push_back({prev_index[i], forward[i]});
-    }
+    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
+      pairs.push_back({static_cast<int>(i), forward[i]});
   }
+  return pairs;
+}
+
+std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
+                                           const StereoCamera& camera,
+                                           const MotionPrediction& prediction,
+                                           const MatchingParameters& parameters) {
+  // Points of k-1 that are expected in the images of frame k, and where.
+  const auto margin = static_cast<float>(prediction.radius_px);
+  const Eigen::AlignedBox2f view(Eigen::Vector2f(-margin, -margin),
+                                 Eigen::Vector2f(static_cast<float>(camera.width) + margin,
+                                                 static_cast<float>(camera.height) + margin));
+  std::vector<int> prev_index;
+  std::vector<ExpectedPoint> expected;
+  expected.reserve(prev.points.size());
+  for (std::size_t i = 0; i < prev.points.size(); ++i) {
+    const StereoPoint& point = prev.points[i];
+    const Eigen::Vector3d p_curr = prediction.T_curr_prev * point.triangulated.p_camera;
+    if (p_curr.z() < 0.1 * camera.baseline_m) continue;
+    const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
+    if (!view.contains(left_px)) continue;
+    prev_index.push_back(static_cast<int>(i));
+    expected.push_back({left_px, camera.projectRight(p_curr).cast<float>(),
+                        prev.features.points_left[point.left].descriptor,
+                        prev.features.points_right[point.right].descriptor});
+  }
+  std::vector<IndexPair> pairs =
+      matchExpectedPoints(expected, curr, prediction.radius_px, parameters);
+  for (IndexPair& pair : pairs) pair.first = prev_index[pair.first];
   return pairs;
 }
 

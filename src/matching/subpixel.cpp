@@ -11,12 +11,14 @@ namespace {
 constexpr int kSide = PatchAligner::kSide;
 constexpr int kPitch = PatchAligner::kPitch;
 constexpr int kArea = kSide * kSide;
+constexpr int kWide = PatchAligner::kWide;
 constexpr int kMaxIterations = 8;
 constexpr float kConvergedPx = 0.01F;
 constexpr float kMaxShiftPx = 2.5F;    // from the initial place
 constexpr float kMaxResidual = 20.0F;  // RMS of the brightness difference [grey levels]
 
 using Patch = PatchAligner::Patch;
+using WidePatch = PatchAligner::WidePatch;
 
 /// Where a patch lies between the pixels; valid if all pixels that sample() reads lie in the image.
 template <int kRows, int kColumns>
@@ -90,6 +92,37 @@ void sample(const Place<kRows, kColumns>& place, float* values) {
   }
 }
 
+/// Bilinear samples of a wide patch whose pixels are `source_by_target` apart. False if a corner
+/// lies outside of the image.
+bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
+                  const Eigen::Matrix2f& source_by_target, float* values) {
+  constexpr float kHalf = 0.5F * (kWide - 1);
+  const Eigen::Vector2f extent = kHalf * source_by_target.cwiseAbs().rowwise().sum();
+  const Eigen::Vector2f low = centre - extent;
+  const Eigen::Vector2f high = centre + extent;
+  if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
+        high.y() < static_cast<float>(image.rows - 1))) {
+    return false;
+  }
+  const auto step = static_cast<std::ptrdiff_t>(image.step1());
+  const Eigen::Vector2f along_row = source_by_target.col(0);
+  for (int r = 0; r < kWide; ++r) {
+    Eigen::Vector2f at = centre + source_by_target * Eigen::Vector2f(-kHalf, r - kHalf);
+    for (int c = 0; c < kWide; ++c, at += along_row) {
+      const int x = static_cast<int>(at.x());
+      const int y = static_cast<int>(at.y());
+      const float right = at.x() - static_cast<float>(x);
+      const float below = at.y() - static_cast<float>(y);
+      const uchar* p = image.data + y * step + x;
+      const float above = static_cast<float>(p[0]) + right * static_cast<float>(p[1] - p[0]);
+      const float under =
+          static_cast<float>(p[step]) + right * static_cast<float>(p[step + 1] - p[step]);
+      *values++ = above + below * (under - above);
+    }
+  }
+  return true;
+}
+
 /// Sum of products; a partial sum for each column, so that it is the same and fast on every
 /// processor.
 float dot(const Patch& a, const Patch& b) {
@@ -116,11 +149,21 @@ void centre(Patch* values) {
 }  // namespace
 
 PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel) {
-  constexpr int kWide = kSide + 2;
   const Place<kWide, kWide> place(image, pixel);
   if (!place.valid) return;
-  std::array<float, kWide * kWide + kPitch - kSide> wide{};
+  WidePatch wide{};
   sample(place, wide.data());
+  prepare(wide);
+}
+
+PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
+                           const Eigen::Matrix2f& source_by_target) {
+  WidePatch wide{};
+  if (!sampleWarped(image, pixel, source_by_target, wide.data())) return;
+  prepare(wide);
+}
+
+void PatchAligner::prepare(const WidePatch& wide) {
   for (int r = 0; r < kSide; ++r) {
     for (int c = 0; c < kPitch; ++c) {
       const float* p = wide.data() + (r + 1) * kWide + c + 1;

@@ -10,6 +10,9 @@ namespace {
 
 constexpr double kMemoryFrames = 1000.0;  // after which information has faded to 1/e
 
+// Successive frames see the same points, with the same errors: so many of them count as one.
+constexpr double kFramesPerSample = 2.0;
+
 // What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms().
 // Of the disparity, the terms without x are nearly held: over two frames their effect on the flow
 // is hardly told from that of a wrong speed.
@@ -43,8 +46,8 @@ CalibrationRefinement::Belief::Belief(const Coefficients& prior_sigma)
 void CalibrationRefinement::Belief::add(const Information& more_information,
                                         const Coefficients& more_vector) {
   const double fading = 1.0 - 1.0 / kMemoryFrames;
-  information = prior + fading * (information - prior) + more_information;
-  vector = fading * vector + more_vector;
+  information = prior + fading * (information - prior) + more_information / kFramesPerSample;
+  vector = fading * vector + more_vector / kFramesPerSample;
 }
 
 RightImageCorrection::Coefficients CalibrationRefinement::Belief::mean() const {

@@ -1,14 +1,15 @@
 #include "odometry/correspondences.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "matching/patch_warp.h"
 
 namespace point_line_odometry {
 namespace {
 
-/// Noise of a point's pixel: that of the finest level, scaled to its own.
-double pointSigma(const PointFeature& feature, const Parameters& parameters) {
-  return parameters.motion.point_noise_px *
-         std::pow(parameters.points.scale_factor, feature.octave);
+double levelScale(const PointFeature& feature, const Parameters& parameters) {
+  return std::pow(parameters.points.scale_factor, feature.octave);
 }
 
 LineTriangulationLimits lineLimits(const Parameters& parameters) {
@@ -25,91 +26,110 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
 }
 
 /// A stereo point, or nothing if it has no disparity.
-std::optional<StereoPoint> triangulate(const TriangulationInput& input,
-                                       const DetectedFeatures& features, const IndexPair& match) {
+std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const IndexPair& match,
+                                       const FrameContext& context) {
   const PointFeature& left = features.points_left[match.first];
-  const MatchingParameters& matching = input.parameters.matching;
+  const MatchingParameters& matching = context.parameters.matching;
   Eigen::Vector2f right_px = features.points_right[match.second].pixel;
+  std::optional<double> gain;
   if (matching.refine_subpixel) {
-    const auto aligned =
-        PatchAligner(input.images.left, left.pixel).align(input.images.right, right_px);
+    const PatchAligner patch(context.images.left, left.pixel);
+    const auto aligned = patch.align(context.images.right, right_px);
     if (!aligned) return std::nullopt;
     right_px = *aligned;
+    gain = patch.noiseGain();
   }
-  const Eigen::Vector2d corrected = input.correction.apply(right_px.cast<double>());
+  const Eigen::Vector2d corrected = context.correction.apply(right_px.cast<double>());
+  const double sigma_px =
+      pointSigma(context.parameters.motion, gain, levelScale(left, context.parameters));
   const auto triangulated =
-      triangulatePoint(input.camera, left.pixel.cast<double>(), corrected.x(),
-                       pointSigma(left, input.parameters), matching.min_disparity_px);
+      triangulatePoint(context.camera, left.pixel.cast<double>(), corrected.x(), sigma_px,
+                       matching.min_disparity_px);
   if (!triangulated) return std::nullopt;
-  return StereoPoint{match.first, match.second, right_px, *triangulated};
+  return StereoPoint{match.first, match.second, right_px, sigma_px, *triangulated};
+}
+
+/// The patch round a point of an earlier frame as the current one should see it.
+PatchAligner patchOf(const StereoFrame& earlier, const StereoPoint& point,
+                     const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
+  const Eigen::Vector2f& pixel = earlier.features.points_left[point.left].pixel;
+  const Eigen::Vector3d& p_earlier = point.triangulated.p_camera;
+  const Eigen::Vector3d p_curr = T_curr_earlier * p_earlier;
+  if (p_curr.z() > camera.baseline_m) {
+    const auto warp = patchWarp(
+        camera, p_curr, T_curr_earlier.linear() * facingPixelAxes(camera, p_earlier.z()));
+    if (warp) return PatchAligner(earlier.left_image, pixel, *warp);
+  }
+  return PatchAligner(earlier.left_image, pixel);
 }
 
 }  // namespace
 
-void triangulateMatches(const TriangulationInput& input, ThreadPool* threads, StereoFrame* frame) {
+void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
+                        ThreadPool* threads, StereoFrame* frame) {
   const DetectedFeatures& features = frame->features;
   std::vector<std::vector<StereoPoint>> parts(static_cast<std::size_t>(threads->numThreads()));
-  const std::vector<IndexPair>& points = input.matches.points;
+  const std::vector<IndexPair>& points = matches.points;
   threads->runParts(points.size(), [&](int part, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const std::optional<StereoPoint> point = triangulate(input, features, points[i]);
+      const std::optional<StereoPoint> point = triangulate(features, points[i], context);
       if (point) parts[static_cast<std::size_t>(part)].push_back(*point);
     }
   });
   for (const std::vector<StereoPoint>& part : parts)
     frame->points.insert(frame->points.end(), part.begin(), part.end());
 
-  const LineTriangulationLimits limits = lineLimits(input.parameters);
-  for (const IndexPair& match : input.matches.lines) {
+  const LineTriangulationLimits limits = lineLimits(context.parameters);
+  for (const IndexPair& match : matches.lines) {
     const LineSegment& left = features.lines_left[match.first].segment;
     const LineSegment right =
-        corrected(features.lines_right[match.second].segment, input.correction);
+        corrected(features.lines_right[match.second].segment, context.correction);
+    const double sigma_px =
+        lineSigma(context.parameters.motion, std::min<double>(left.length(), right.length()));
     frame->lines.push_back({match.first, match.second,
-                            triangulateLine(input.camera, left, right,
-                                            input.parameters.motion.line_noise_px, limits)});
+                            triangulateLine(context.camera, left, right, sigma_px, limits)});
   }
 }
 
 Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
-                                    const StereoImages& images, const CircularMatches& matches,
-                                    const RightImageCorrection& correction,
-                                    const Parameters& parameters) {
+                                    const CircularMatches& matches,
+                                    const Eigen::Isometry3d& T_curr_earlier,
+                                    const FrameContext& context) {
+  const MotionParameters& motion = context.parameters.motion;
   Correspondences correspondences;
   correspondences.points.reserve(matches.points.size());
   correspondences.lines.reserve(matches.lines.size());
   for (const IndexPair& match : matches.points) {
     const StereoPoint& before = earlier.points[match.first];
     const StereoPoint& now = curr.points[match.second];
-    const PointFeature& reference = earlier.features.points_left[before.left];
     Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
     Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
-    if (parameters.matching.refine_subpixel) {
-      const PatchAligner patch(earlier.left_image, reference.pixel);
-      left_px = patch.align(images.left, left_px).value_or(left_px);
-      right_px = patch.align(images.right, right_px).value_or(right_px);
+    std::optional<double> gain;
+    if (context.parameters.matching.refine_subpixel) {
+      const PatchAligner patch = patchOf(earlier, before, T_curr_earlier, context.camera);
+      const auto left = patch.align(context.images.left, left_px);
+      const auto right = patch.align(context.images.right, right_px);
+      if (left && right) gain = patch.noiseGain();
+      left_px = left.value_or(left_px);
+      right_px = right.value_or(right_px);
     }
     PointCorrespondence point;
     point.p_prev = before.triangulated.p_camera;
     point.covariance = before.triangulated.covariance;
     point.left_px = left_px.cast<double>();
-    point.right_px = correction.apply(right_px.cast<double>());
-    point.sigma_px = pointSigma(reference, parameters);
+    point.right_px = context.correction.apply(right_px.cast<double>());
+    point.sigma_px = pointSigma(
+        motion, gain, levelScale(earlier.features.points_left[before.left], context.parameters));
     correspondences.points.push_back(point);
   }
   for (const IndexPair& match : matches.lines) {
     const StereoLine& before = earlier.lines[match.first];
-    const LineSegment& left = curr.features.lines_left[curr.lines[match.second].left].segment;
-    const LineSegment right =
-        corrected(curr.features.lines_right[curr.lines[match.second].right].segment, correction);
     LineCorrespondence line;
+    static_cast<LineSight&>(line) =
+        lineSight(curr.features, curr.lines[match.second], context);
     line.start_prev = before.triangulated->start_camera;
     line.end_prev = before.triangulated->end_camera;
     line.covariance = before.triangulated->covariance;
-    line.left_start_px = left.start.cast<double>();
-    line.left_end_px = left.end.cast<double>();
-    line.right_start_px = right.start.cast<double>();
-    line.right_end_px = right.end.cast<double>();
-    line.sigma_px = parameters.motion.line_noise_px;
     correspondences.lines.push_back(line);
   }
   return correspondences;

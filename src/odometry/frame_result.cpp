@@ -58,6 +58,12 @@ const char* toString(Stage stage) {
       return "two_frames";
     case Stage::kFuse:
       return "fuse";
+    case Stage::kWindow:
+      return "window";
+    case Stage::kMap:
+      return "map";
+    case Stage::kLearn:
+      return "learn";
     case Stage::kRefine:
       return "refine";
     case Stage::kNumStages:

@@ -1,27 +1,51 @@
 #include "point_line_odometry/pose_integrator.h"
 
+#include <Eigen/Cholesky>
+#include <cmath>
+
 #include "odometry/uncertainty.h"
 
 namespace point_line_odometry {
 
+Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
+                              const Eigen::Isometry3d& T_wanted, const Matrix6d& covariance,
+                              double max_sigmas) {
+  // What is wanted beyond what was measured, along and about the axes of the reference.
+  const Eigen::Isometry3d T_measured_wanted = T_measured.inverse() * T_wanted;
+  const Eigen::AngleAxisd turn(T_measured_wanted.linear());
+  Vector6d change;
+  change << T_measured.linear() * T_measured_wanted.translation(),
+      T_measured.linear() * (turn.angle() * turn.axis());
+  const double squared = change.dot(covariance.ldlt().solve(change));
+  const double share =
+      squared > max_sigmas * max_sigmas ? max_sigmas / std::sqrt(squared) : 1.0;
+  if (!(share > 0.0)) return T_measured;
+  Eigen::Isometry3d T_change = Eigen::Isometry3d::Identity();
+  T_change.linear() = Eigen::AngleAxisd(share * turn.angle(), turn.axis()).toRotationMatrix();
+  T_change.translation() = share * T_measured_wanted.translation();
+  return T_measured * T_change;
+}
+
 void PoseIntegrator::reset(const Eigen::Isometry3d& T_odom_camera) {
   T_odom_camera_ = T_odom_reference_ = T_odom_camera;
-  covariance_ = reference_covariance_ = Matrix6d::Zero();
+  covariance_ = lasting_covariance_ = reference_covariance_ = Matrix6d::Zero();
   velocity_.reset();
   twist_.setZero();
   twist_covariance_.setZero();
 }
 
-void PoseIntegrator::addMeasurement(const Eigen::Isometry3d& T_reference_camera,
-                                    const Matrix6d& covariance, double dt_s,
-                                    std::int64_t stamp_ns) {
-  covariance_ =
-      composeCovariance(T_odom_reference_, reference_covariance_, T_reference_camera, covariance);
-  T_odom_camera_ = T_odom_reference_ * T_reference_camera;
+void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {
+  const auto composed = [&](const Matrix6d& covariance) {
+    return composeCovariance(T_odom_reference_, reference_covariance_, step.T_reference_camera,
+                             covariance);
+  };
+  lasting_covariance_ = composed(step.share_that_stays * step.covariance);
+  covariance_ = composed(step.covariance);
+  T_odom_camera_ = T_odom_reference_ * step.T_reference_camera;
   T_odom_camera_.linear() =
       Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  velocity_ = CameraVelocity{velocityOfMotion(T_reference_camera, dt_s), covariance / (dt_s * dt_s),
-                             dt_s, stamp_ns};
+  velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s),
+                             step.covariance / (dt_s * dt_s), dt_s, stamp_ns};
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
 }
@@ -34,7 +58,8 @@ bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double ma
   const Eigen::Isometry3d T_prev_curr =
       moves ? motionAtVelocity(velocity, dt_s) : Eigen::Isometry3d::Identity();
   const Matrix6d motion_covariance = predictionCovariance(velocity, moves, dt_s, unmeasured_s);
-  covariance_ = composeCovariance(T_odom_camera_, covariance_, T_prev_curr, motion_covariance);
+  covariance_ = lasting_covariance_ =
+      composeCovariance(T_odom_camera_, covariance_, T_prev_curr, motion_covariance);
   T_odom_camera_ = T_odom_camera_ * T_prev_curr;
   twist_ = moves ? velocity : Vector6d::Zero();
   twist_covariance_ = motion_covariance / (dt_s * dt_s);
@@ -43,7 +68,7 @@ bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double ma
 
 void PoseIntegrator::takeReference() {
   T_odom_reference_ = T_odom_camera_;
-  reference_covariance_ = covariance_;
+  reference_covariance_ = lasting_covariance_;
 }
 
 }  // namespace point_line_odometry

@@ -2,18 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "map/bundle_adjustment.h"
+#include "map/local_map.h"
+#include "motion/sights.h"
 #include "odometry/correspondences.h"
 #include "odometry/parameter_checker.h"
 #include "odometry/stage_timer.h"
 #include "odometry/uncertainty.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/pose_integrator.h"
+#include "point_line_odometry/stereo_feature_detector.h"
+#include "point_line_odometry/thread_pool.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
+
+// If the map gives fewer matches than this share of those with the last frame, these are used, too.
+constexpr double kFewMapMatches = 0.5;
+
+constexpr double kMaxCorrectionSigmas = 3.0;  // of a frame's motion, for what the map corrects
 
 double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
@@ -43,14 +58,93 @@ TrackingReason trackingReason(MotionStatus status) {
 
 }  // namespace
 
-StereoOdometry::StereoOdometry(const StereoCamera& camera, const Parameters& parameters)
+class StereoOdometry::Impl {
+ public:
+  Impl(const StereoCamera& camera, const Parameters& parameters);
+
+  FrameResult process(const StereoImages& images);
+  void reset(const Eigen::Isometry3d& T_odom_camera);
+  void setCamera(const StereoCamera& camera);
+  void setParameters(const Parameters& parameters);
+  const StereoCamera& camera() const { return camera_; }
+  const Parameters& parameters() const { return parameters_; }
+  const RightImageCorrection& correction() const { return refinement_.correction(); }
+
+ private:
+  /// What earlier frames and the current one say about the motion since the reference.
+  struct Measurement {
+    TrackingReason reason = TrackingReason::kNone;  // kNone: the motion is measured
+    CircularMatches matches;                        // (reference, current)
+    Correspondences correspondences;
+    MotionEstimate direct;  // from these alone
+    MotionEstimate motion;  // the best one: against the map if there is one
+    MapSights sights;
+  };
+
+  /// Where the times of a measurement go.
+  struct MeasureTimes {
+    StageTimes* times;
+    Stage match;
+    Stage estimate;
+  };
+
+  struct EarlierFrame {
+    StereoFrame frame;
+    Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
+  };
+
+  StereoFrame makeFrame(const FrameContext& context, StageTimes* times);
+  Measurement measure(const StereoFrame& curr, const FrameContext& context,
+                      StageTimes* times) const;
+  Measurement measureDirectly(const StereoFrame& curr, const FrameContext& context,
+                              const MotionPrediction& prediction, StageTimes* times) const;
+  Measurement measureSince(const StereoFrame& earlier, const StereoFrame& curr,
+                           const FrameContext& context, const MotionPrediction& prediction,
+                           const MeasureTimes& times) const;
+  void measureAgainstMap(const StereoFrame& curr, const FrameContext& context,
+                         const MotionPrediction& prediction, Measurement* measurement) const;
+  TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
+  MotionPrediction predict(double dt_s) const;
+  void integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s);
+  MotionStep stepOf(const Measurement& measurement) const;
+  bool shouldBecomeReference(const StereoFrame& curr, const Measurement& measurement) const;
+  void takeReference(StereoFrame curr, const FrameContext& context, const Measurement& measurement);
+  static LandmarkCandidates candidatesOf(const Measurement& measurement);
+  void startWindow();
+  void finishWindow();
+  void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
+  void reportPose(FrameResult* result) const;
+  FrameResult dropped(TrackingReason reason, FrameResult result) const;
+  void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
+  void startNewReference();
+
+  StereoCamera camera_;
+  Parameters parameters_;
+  std::unique_ptr<ThreadPool> threads_;
+  StereoFeatureDetector detector_;
+  CalibrationRefinement refinement_;
+
+  // State.
+  TrackingState state_ = TrackingState::kInitializing;
+  std::optional<StereoFrame> reference_;  // frame k-1: the last one that others can be matched with
+  std::optional<EarlierFrame> before_reference_;  // frame k-2, kept for the fusion of rotations
+  std::optional<LocalMap> map_;                   // nothing without a window
+  Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
+  std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
+  PoseIntegrator pose_;
+  std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
+};
+
+StereoOdometry::Impl::Impl(const StereoCamera& camera, const Parameters& parameters)
     : camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
       threads_(std::make_unique<ThreadPool>(parameters.tracking.threads)),
       detector_(parameters.points, parameters.lines),
-      refinement_(camera) {}
+      refinement_(camera) {
+  startNewReference();
+}
 
-FrameResult StereoOdometry::process(const StereoImages& images) {
+FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
   const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
@@ -62,32 +156,43 @@ FrameResult StereoOdometry::process(const StereoImages& images) {
   }
   const double dt_s = last_stamp_ns_ ? seconds(images.stamp_ns - *last_stamp_ns_) : 0.0;
 
-  StereoFrame curr = makeFrame(images, &result.times);
+  const RightImageCorrection correction = refinement_.correction();
+  const FrameContext context{images, camera_, correction, parameters_};
+  StereoFrame curr = makeFrame(context, &result.times);
+  {
+    const StageTimer timer(&result.times, Stage::kWindow);
+    finishWindow();
+  }
   const bool gap = reference_ && dt_s > parameters_.tracking.max_frame_gap_s;
   Measurement measurement;
   measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kFirstFrame;
-  if (reference_ && !gap) measurement = measure(curr, images, &result.times);
+  if (reference_ && !gap) measurement = measure(curr, context, &result.times);
   report(curr, measurement, &result);
+  integrate(measurement, curr.stamp_ns, dt_s);
+  last_stamp_ns_ = curr.stamp_ns;
+  reportPose(&result);
+
+  // What the next frames will need.
   if (parameters_.tracking.refine_calibration) {
     const StageTimer timer(&result.times, Stage::kRefine);
     refineCalibration(curr, measurement);
   }
-
-  integrate(measurement, curr.stamp_ns, dt_s);
-  last_stamp_ns_ = curr.stamp_ns;
-  if (shouldBecomeReference(curr, measurement)) takeReference(std::move(curr), measurement);
-  reportPose(&result);
+  if (shouldBecomeReference(curr, measurement)) {
+    const StageTimer timer(&result.times, Stage::kLearn);
+    takeReference(std::move(curr), context, measurement);
+    startWindow();
+  }
   result.times.total_ms = StageTimer::elapsedMs(begin);
   return result;
 }
 
-StereoFrame StereoOdometry::makeFrame(const StereoImages& images, StageTimes* times) {
+StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTimes* times) {
   StereoFrame frame;
-  frame.stamp_ns = images.stamp_ns;
+  frame.stamp_ns = context.images.stamp_ns;
   {
     const StageTimer timer(times, Stage::kDetect);
-    images.left.copyTo(frame.left_image);
-    frame.features = detector_.detect(images, threads_.get());
+    context.images.left.copyTo(frame.left_image);
+    frame.features = detector_.detect(context.images, threads_.get());
   }
   StereoMatches matches;
   {
@@ -95,65 +200,103 @@ StereoFrame StereoOdometry::makeFrame(const StereoImages& images, StageTimes* ti
     matches = matchStereo(frame.features, parameters_.matching, threads_.get());
   }
   const StageTimer timer(times, Stage::kTriangulate);
-  triangulateMatches({matches, images, camera_, refinement_.correction(), parameters_},
-                     threads_.get(), &frame);
+  triangulateMatches(matches, context, threads_.get(), &frame);
   return frame;
 }
 
+StereoOdometry::Impl::Measurement StereoOdometry::Impl::measure(const StereoFrame& curr,
+                                                                const FrameContext& context,
+                                                                StageTimes* times) const {
+  const double dt_s = seconds(curr.stamp_ns - reference_->stamp_ns);
+  const MotionPrediction prediction = predict(dt_s);
+  Measurement measurement = measureDirectly(curr, context, prediction, times);
+  if (map_) {
+    const StageTimer timer(times, Stage::kMap);
+    measureAgainstMap(curr, context, prediction, &measurement);
+  }
+  if (measurement.motion.ok()) measurement.reason = reasonOf(measurement.motion, dt_s);
+  return measurement;
+}
+
 /// The estimate over two frames needs nothing of the direct one: they are made side by side.
-StereoOdometry::Measurement StereoOdometry::measure(const StereoFrame& curr,
-                                                    const StereoImages& images,
-                                                    StageTimes* times) const {
+StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureDirectly(
+    const StereoFrame& curr, const FrameContext& context, const MotionPrediction& prediction,
+    StageTimes* times) const {
   Measurement measurement;
   const int few = parameters_.motion.min_matches;
   if (static_cast<int>(curr.points.size() + curr.lines.size()) < few) {
     measurement.reason = TrackingReason::kTooFewFeatures;
     return measurement;
   }
-  const double dt_s = seconds(curr.stamp_ns - reference_->stamp_ns);
-  const MotionPrediction prediction = predict(dt_s);
   MotionEstimate over_two;
   threads_->run(before_reference_ ? 2 : 1, [&](int task) {
     if (task == 0) {
-      measurement = measureSince(*reference_, curr, images, prediction,
+      measurement = measureSince(*reference_, curr, context, prediction,
                                  {times, Stage::kMatchCircular, Stage::kEstimate});
     } else {
       const MotionPrediction since_two_frames{
           prediction.T_curr_prev * before_reference_->T_reference_before, prediction.radius_px};
-      over_two = measureSince(before_reference_->frame, curr, images, since_two_frames,
+      over_two = measureSince(before_reference_->frame, curr, context, since_two_frames,
                               {times, Stage::kTwoFrames, Stage::kTwoFrames})
-                     .motion;
+                     .direct;
     }
   });
-  if (measurement.motion.ok() && over_two.ok()) {
+  measurement.motion = measurement.direct;
+  if (measurement.direct.ok() && over_two.ok()) {
     const StageTimer timer(times, Stage::kFuse);
-    measurement.motion = fuseRotation(measurement.motion, over_two.T_curr_prev,
-                                      before_reference_->T_reference_before,
-                                      measurement.correspondences, camera_, parameters_.motion);
+    measurement.motion = measurement.direct =
+        fuseRotation(measurement.direct, over_two.T_curr_prev,
+                     before_reference_->T_reference_before, measurement.correspondences, camera_,
+                     parameters_.motion);
   }
-  measurement.reason = reasonOf(measurement.motion, dt_s);
+  measurement.reason = trackingReason(measurement.direct.status);
   return measurement;
 }
 
-StereoOdometry::Measurement StereoOdometry::measureSince(const StereoFrame& earlier,
-                                                         const StereoFrame& curr,
-                                                         const StereoImages& images,
-                                                         const MotionPrediction& prediction,
-                                                         const MeasureTimes& times) const {
+StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureSince(
+    const StereoFrame& earlier, const StereoFrame& curr, const FrameContext& context,
+    const MotionPrediction& prediction, const MeasureTimes& times) const {
   Measurement measurement;
   {
     const StageTimer timer(times.times, times.match);
     measurement.matches = matchCircular(earlier, curr, camera_, prediction, parameters_.matching);
-    measurement.correspondences = makeCorrespondences(earlier, curr, images, measurement.matches,
-                                                      refinement_.correction(), parameters_);
+    measurement.correspondences = makeCorrespondences(earlier, curr, measurement.matches,
+                                                      prediction.T_curr_prev, context);
   }
   const StageTimer timer(times.times, times.estimate);
-  measurement.motion = estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev,
+  measurement.direct = estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev,
                                       parameters_.motion);
   return measurement;
 }
 
-TrackingReason StereoOdometry::reasonOf(const MotionEstimate& motion, double dt_s) const {
+/// The direct motion says where the landmarks are expected; they say where the camera is.
+void StereoOdometry::Impl::measureAgainstMap(const StereoFrame& curr, const FrameContext& context,
+                                             const MotionPrediction& prediction,
+                                             Measurement* measurement) const {
+  const Eigen::Isometry3d& T_curr_reference =
+      measurement->direct.ok() ? measurement->direct.T_curr_prev : prediction.T_curr_prev;
+  measurement->sights =
+      map_->find(curr, context, map_->T_map_reference() * T_curr_reference.inverse(), threads_.get());
+  Correspondences matches = map_->correspondences(measurement->sights);
+  const Correspondences& direct = measurement->correspondences;
+  const auto size = [](const Correspondences& c) {
+    return static_cast<double>(c.points.size() + c.lines.size());
+  };
+  if (size(matches) < kFewMapMatches * size(direct)) {
+    matches.points.insert(matches.points.end(), direct.points.begin(), direct.points.end());
+    matches.lines.insert(matches.lines.end(), direct.lines.begin(), direct.lines.end());
+  }
+  const MotionEstimate motion =
+      estimateMotion(matches, camera_, T_curr_reference, parameters_.motion);
+  if (motion.ok()) {
+    measurement->motion = motion;
+  } else {
+    measurement->sights.points.clear();
+    measurement->sights.lines.clear();
+  }
+}
+
+TrackingReason StereoOdometry::Impl::reasonOf(const MotionEstimate& motion, double dt_s) const {
   if (!motion.ok()) return trackingReason(motion.status);
   const Vector6d velocity = velocityOfMotion(motion.T_curr_prev.inverse(), dt_s);
   const bool too_fast =
@@ -162,7 +305,7 @@ TrackingReason StereoOdometry::reasonOf(const MotionEstimate& motion, double dt_
   return too_fast ? TrackingReason::kTooFast : TrackingReason::kNone;
 }
 
-MotionPrediction StereoOdometry::predict(double dt_s) const {
+MotionPrediction StereoOdometry::Impl::predict(double dt_s) const {
   const std::optional<CameraVelocity>& velocity = pose_.velocity();
   if (!velocity) {
     return {Eigen::Isometry3d::Identity(), parameters_.matching.search_radius_without_velocity_px};
@@ -172,11 +315,11 @@ MotionPrediction StereoOdometry::predict(double dt_s) const {
           widening * parameters_.matching.search_radius_px};
 }
 
-void StereoOdometry::integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s) {
+void StereoOdometry::Impl::integrate(const Measurement& measurement, std::int64_t stamp_ns,
+                                     double dt_s) {
   if (measurement.reason == TrackingReason::kNone) {
     const double since_reference_s = seconds(stamp_ns - reference_->stamp_ns);
-    pose_.addMeasurement(measurement.motion.T_curr_prev.inverse(), measurement.motion.covariance,
-                         since_reference_s, stamp_ns);
+    pose_.addMeasurement(stepOf(measurement), since_reference_s, stamp_ns);
     state_ = TrackingState::kOk;
   } else if (measurement.reason == TrackingReason::kFirstFrame) {
     state_ = TrackingState::kInitializing;
@@ -186,9 +329,25 @@ void StereoOdometry::integrate(const Measurement& measurement, std::int64_t stam
   }
 }
 
+/// The pose in odom follows that in the map, but goes no further from the measured motion than its
+/// noise explains: what the window has corrected is spread over frames if it is more.
+MotionStep StereoOdometry::Impl::stepOf(const Measurement& measurement) const {
+  MotionStep step;
+  step.T_reference_camera = step.T_measured = measurement.motion.T_curr_prev.inverse();
+  step.covariance = measurement.motion.covariance;
+  if (!map_) return step;
+  const Eigen::Isometry3d T_odom_camera =
+      T_odom_map_ * map_->T_map_reference() * step.T_measured;
+  step.T_reference_camera =
+      limitedStep(step.T_measured, pose_.T_odom_reference().inverse() * T_odom_camera,
+                  step.covariance, kMaxCorrectionSigmas);
+  step.share_that_stays = map_->shareOfNew();
+  return step;
+}
+
 /// A frame without a measurement does not replace the reference at once: the next one may match it
 /// again.
-bool StereoOdometry::shouldBecomeReference(const StereoFrame& curr,
+bool StereoOdometry::Impl::shouldBecomeReference(const StereoFrame& curr,
                                            const Measurement& measurement) const {
   if (!reference_ || measurement.reason == TrackingReason::kNone ||
       measurement.reason == TrackingReason::kFrameGap) {
@@ -200,7 +359,8 @@ bool StereoOdometry::shouldBecomeReference(const StereoFrame& curr,
          static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
 }
 
-void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measurement& measurement) {
+void StereoOdometry::Impl::refineCalibration(const StereoFrame& curr,
+                                             const Measurement& measurement) {
   if (!parameters_.matching.refine_subpixel)
     return;  // whole pixels say nothing about small displacements
   std::vector<CalibrationRefinement::RowSample> rows;
@@ -211,22 +371,63 @@ void StereoOdometry::refineCalibration(const StereoFrame& curr, const Measuremen
         {point.right_px.cast<double>(), static_cast<double>(point.right_px.y() - left_px.y())});
   }
   refinement_.addRows(rows, parameters_.motion.point_noise_px);
-  if (measurement.reason != TrackingReason::kNone) return;
-  refinement_.addMotion(measurement.correspondences, measurement.motion, parameters_.motion);
+  if (!measurement.direct.ok()) return;
+  refinement_.addMotion(measurement.correspondences, measurement.direct, parameters_.motion);
 }
 
-void StereoOdometry::takeReference(StereoFrame curr, const Measurement& measurement) {
+void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& context,
+                                         const Measurement& measurement) {
   before_reference_.reset();
   const bool measured = measurement.reason == TrackingReason::kNone;
   if (measured && parameters_.motion.fuse_rotation) {
     before_reference_ = EarlierFrame{std::move(*reference_), measurement.motion.T_curr_prev};
+  }
+  if (map_ && measured) {
+    map_->add(curr, context, measurement.sights, measurement.motion, candidatesOf(measurement));
+  } else if (map_) {
+    map_->carryOn(pose_.T_odom_reference().inverse() * pose_.T_odom_camera());
   }
   if (!measured && state_ != TrackingState::kDegraded) pose_.forgetVelocity();
   reference_ = std::move(curr);
   pose_.takeReference();
 }
 
-void StereoOdometry::reportPose(FrameResult* result) const {
+LandmarkCandidates StereoOdometry::Impl::candidatesOf(const Measurement& measurement) {
+  LandmarkCandidates candidates;
+  if (!measurement.direct.ok()) return candidates;
+  const CircularMatches& matches = measurement.matches;
+  for (std::size_t i = 0; i < matches.points.size(); ++i) {
+    if (measurement.direct.point_inliers[i]) candidates.points.push_back(matches.points[i].second);
+  }
+  for (std::size_t i = 0; i < matches.lines.size(); ++i) {
+    if (measurement.direct.line_inliers[i]) candidates.lines.push_back(matches.lines[i].second);
+  }
+  return candidates;
+}
+
+/// The solution is awaited by the next frame, whenever that comes: the same input gives the same
+/// output.
+void StereoOdometry::Impl::startWindow() {
+  if (!map_) return;
+  std::optional<BundleProblem> problem = map_->takeProblem();
+  if (!problem) return;
+  const auto launch =
+      parameters_.tracking.threads > 1 ? std::launch::async : std::launch::deferred;
+  window_ = std::async(launch, [camera = camera_, motion = parameters_.motion,
+                                max_iterations = parameters_.window.max_iterations,
+                                bundle = std::move(*problem)]() mutable {
+    const bool solved = adjustBundle(camera, motion, max_iterations, &bundle);
+    return solved ? std::make_optional(std::move(bundle)) : std::nullopt;
+  });
+}
+
+void StereoOdometry::Impl::finishWindow() {
+  if (!window_.valid()) return;
+  const std::optional<BundleProblem> solved = window_.get();
+  if (solved && map_) map_->adopt(*solved);
+}
+
+void StereoOdometry::Impl::reportPose(FrameResult* result) const {
   result->state = state_;
   result->T_odom_camera = pose_.T_odom_camera();
   result->pose_covariance = pose_.covariance();
@@ -234,51 +435,83 @@ void StereoOdometry::reportPose(FrameResult* result) const {
   result->twist_covariance = pose_.twistCovariance();
 }
 
-FrameResult StereoOdometry::dropped(TrackingReason reason, FrameResult result) const {
+FrameResult StereoOdometry::Impl::dropped(TrackingReason reason, FrameResult result) const {
   result.reason = reason;
   reportPose(&result);
   return result;
 }
 
-void StereoOdometry::report(const StereoFrame& curr, const Measurement& measurement,
-                            FrameResult* result) const {
+void StereoOdometry::Impl::report(const StereoFrame& curr, const Measurement& measurement,
+                                  FrameResult* result) const {
   result->reason = measurement.reason;
   result->rms_px = measurement.motion.rms_px;
-  result->counts = countFeatures(curr);
-  result->counts.point_matches = static_cast<int>(measurement.matches.points.size());
-  result->counts.line_matches = static_cast<int>(measurement.matches.lines.size());
-  result->counts.point_inliers = measurement.motion.num_point_inliers;
-  result->counts.line_inliers = measurement.motion.num_line_inliers;
-  result->counts.iterations = measurement.motion.iterations;
-  observeFeatures(curr, measurement.matches, measurement.motion, result);
+  FrameCounts counts = countFeatures(curr);
+  counts.point_matches = static_cast<int>(measurement.matches.points.size());
+  counts.line_matches = static_cast<int>(measurement.matches.lines.size());
+  counts.point_inliers = measurement.direct.num_point_inliers;
+  counts.line_inliers = measurement.direct.num_line_inliers;
+  counts.iterations = measurement.motion.iterations;
+  if (map_) {
+    const MapSights& sights = measurement.sights;
+    const auto count = [](const std::vector<bool>& inliers, std::size_t size) {
+      const auto end = inliers.begin() + static_cast<std::ptrdiff_t>(size);
+      return static_cast<int>(std::count(inliers.begin(), end, true));
+    };
+    counts.map_points = static_cast<int>(map_->numPoints());
+    counts.map_lines = static_cast<int>(map_->numLines());
+    counts.map_point_inliers = count(measurement.motion.point_inliers, sights.points.size());
+    counts.map_line_inliers = count(measurement.motion.line_inliers, sights.lines.size());
+    counts.keyframes = static_cast<int>(map_->numKeyframes());
+  }
+  result->counts = counts;
+  observeFeatures(curr, measurement.matches, measurement.direct, result);
 }
 
-void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) {
-  reference_.reset();
-  before_reference_.reset();
+void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
   last_stamp_ns_.reset();
   refinement_ = CalibrationRefinement(camera_);
   pose_.reset(T_odom_camera);
   state_ = TrackingState::kInitializing;
+  startNewReference();
 }
 
-void StereoOdometry::setCamera(const StereoCamera& camera) {
+void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   camera.validate();
   camera_ = camera;
   refinement_ = CalibrationRefinement(camera);
   startNewReference();
 }
 
-void StereoOdometry::setParameters(const Parameters& parameters) {
+void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   parameters_ = checked(parameters);
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
   startNewReference();
 }
 
-void StereoOdometry::startNewReference() {
+void StereoOdometry::Impl::startNewReference() {
   reference_.reset();
   before_reference_.reset();
+  window_ = {};
+  map_.reset();
+  if (parameters_.window.size > 0) map_.emplace(parameters_.window, parameters_.local_map);
+  T_odom_map_ = pose_.T_odom_camera();
 }
+
+StereoOdometry::StereoOdometry(const StereoCamera& camera, const Parameters& parameters)
+    : impl_(std::make_unique<Impl>(camera, parameters)) {}
+StereoOdometry::~StereoOdometry() = default;
+StereoOdometry::StereoOdometry(StereoOdometry&&) noexcept = default;
+StereoOdometry& StereoOdometry::operator=(StereoOdometry&&) noexcept = default;
+
+FrameResult StereoOdometry::process(const StereoImages& images) { return impl_->process(images); }
+void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) { impl_->reset(T_odom_camera); }
+void StereoOdometry::setCamera(const StereoCamera& camera) { impl_->setCamera(camera); }
+void StereoOdometry::setParameters(const Parameters& parameters) {
+  impl_->setParameters(parameters);
+}
+const StereoCamera& StereoOdometry::camera() const { return impl_->camera(); }
+const Parameters& StereoOdometry::parameters() const { return impl_->parameters(); }
+const RightImageCorrection& StereoOdometry::correction() const { return impl_->correction(); }
 
 }  // namespace point_line_odometry

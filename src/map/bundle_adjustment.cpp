@@ -1,0 +1,181 @@
+#include "map/bundle_adjustment.h"
+
+#include <ceres/loss_function.h>
+#include <ceres/ordered_groups.h>
+#include <ceres/problem.h>
+#include <ceres/sized_cost_function.h>
+#include <ceres/solver.h>
+
+#include <array>
+#include <deque>
+#include <memory>
+
+#include "motion/motion_cost.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr double kTolerance = 1e-4;  // relative change of the cost at which the solver stops
+constexpr auto kBoth = ResidualImages::kBoth;
+
+/// A pose that the solver changes: T_camera_map = (exp(rotation) R_0, t_0 + translation), the six
+/// unknowns beginning at zero.
+struct PoseUnknown {
+  Eigen::Isometry3d T_camera_map_start;
+  std::array<double, 6> change{};
+
+  explicit PoseUnknown(const Eigen::Isometry3d& T_map_camera)
+      : T_camera_map_start(T_map_camera.inverse()) {}
+
+  Eigen::Isometry3d at(const double* change_now) const {
+    MotionVector change;
+    change.rotation = Eigen::Map<const Eigen::Vector3d>(change_now);
+    const Eigen::Isometry3d R = change.toIsometry();
+    Eigen::Isometry3d T;
+    T.linear() = R.linear() * T_camera_map_start.linear();
+    T.translation() =
+        T_camera_map_start.translation() + Eigen::Map<const Eigen::Vector3d>(change_now + 3);
+    T.makeAffine();
+    return T;
+  }
+};
+
+/// One sight of one landmark; the landmark's unknowns count standard deviations of its belief.
+template <typename Residual, typename Place, typename Sight>
+class SightCost : public ceres::SizedCostFunction<Residual::kRows, Place::kNumFreedoms, 6> {
+ public:
+  SightCost(const StereoCamera* camera, const Place* place, const PoseUnknown* pose,
+            const Sight* sight)
+      : camera_(camera), place_(place), pose_(pose), sight_(sight) {}
+
+  /// False if the landmark gets behind the camera: the solver takes a smaller step.
+  bool Evaluate(double const* const* unknowns, double* residuals,
+                double** jacobians) const override {
+    constexpr int kRows = Residual::kRows;
+    constexpr int kFreedoms = Place::kNumFreedoms;
+    using Freedoms = Eigen::Matrix<double, kFreedoms, 1>;
+    Place place;
+    place.value = place_->value + place_->spread * Eigen::Map<const Freedoms>(unknowns[0]);
+    const Residual residual(correspondence(place, *sight_), *camera_, pose_->at(unknowns[1]));
+    if (!residual.valid) return false;
+    const double weight = 1.0 / sight_->sigma_px;
+    Eigen::Map<Eigen::Matrix<double, kRows, 1>>{residuals} = weight * residual.value;
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) {
+      using Jacobian = Eigen::Matrix<double, kRows, kFreedoms, Eigen::RowMajor>;
+      Eigen::Map<Jacobian>{jacobians[0]} = weight * residual.byLandmark() * place_->spread;
+    }
+    if (jacobians[1] != nullptr) {
+      using Jacobian = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
+      Eigen::Map<Jacobian> J(jacobians[1]);
+      const auto by_motion = residual.byMotion();
+      J.template leftCols<3>() =
+          weight * by_motion.template leftCols<3>() *
+          leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[1]));
+      J.template rightCols<3>() = weight * by_motion.template rightCols<3>();
+    }
+    return true;
+  }
+
+ private:
+  const StereoCamera* camera_;
+  const Place* place_;
+  const PoseUnknown* pose_;
+  const Sight* sight_;
+};
+
+/// The solver's view of the landmarks of one kind.
+template <typename Residual, typename Place, typename Sight>
+class LandmarkUnknowns {
+ public:
+  using Landmark = BundleProblem::Landmark<Place, Sight>;
+
+  explicit LandmarkUnknowns(std::vector<Landmark>* landmarks)
+      : landmarks_(*landmarks), changes_(landmarks->size()) {
+    for (Change& change : changes_) change.setZero();
+  }
+
+  void addTo(ceres::Problem* problem, ceres::ParameterBlockOrdering* ordering,
+             ceres::LossFunction* loss, const StereoCamera& camera,
+             std::vector<PoseUnknown>* poses) {
+    for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+      for (const auto& sight : landmarks_[i].sights) {
+        PoseUnknown& pose = (*poses)[static_cast<std::size_t>(sight.frame)];
+        costs_.emplace_back(&camera, &landmarks_[i].place, &pose, &sight.sight);
+        problem->AddResidualBlock(&costs_.back(), loss, changes_[i].data(), pose.change.data());
+      }
+      ordering->AddElementToGroup(changes_[i].data(), 0);
+    }
+  }
+
+  bool finite() const {
+    for (const Change& change : changes_) {
+      if (!change.allFinite()) return false;
+    }
+    return true;
+  }
+
+  void apply() {
+    for (std::size_t i = 0; i < landmarks_.size(); ++i)
+      landmarks_[i].place.value += landmarks_[i].place.spread * changes_[i];
+  }
+
+ private:
+  using Change = Eigen::Matrix<double, Place::kNumFreedoms, 1>;
+  std::vector<Landmark>& landmarks_;
+  std::vector<Change> changes_;
+  std::deque<SightCost<Residual, Place, Sight>> costs_;
+};
+
+}  // namespace
+
+bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters,
+                  int max_iterations, BundleProblem* bundle) {
+  std::vector<PoseUnknown> poses;
+  poses.reserve(bundle->frames.size());
+  for (const BundleProblem::Frame& frame : bundle->frames) poses.emplace_back(frame.T_map_camera);
+  LandmarkUnknowns<PointResidual<kBoth>, PointBelief, PointSight> points(&bundle->points);
+  LandmarkUnknowns<LineResidual<kBoth>, LineBelief, LineSight> lines(&bundle->lines);
+
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  problem_options.disable_all_safety_checks = true;
+  ceres::Problem problem(problem_options);
+  ceres::HuberLoss loss(parameters.huber_delta);
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  points.addTo(&problem, ordering.get(), &loss, camera, &poses);
+  lines.addTo(&problem, ordering.get(), &loss, camera, &poses);
+  if (problem.NumResidualBlocks() == 0) return false;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (!problem.HasParameterBlock(poses[i].change.data())) continue;
+    if (bundle->frames[i].fixed) problem.SetParameterBlockConstant(poses[i].change.data());
+    ordering->AddElementToGroup(poses[i].change.data(), 1);
+  }
+
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.linear_solver_ordering = ordering;
+  options.max_num_iterations = max_iterations;
+  options.function_tolerance = kTolerance;
+  options.num_threads = 1;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (!summary.IsSolutionUsable() || !points.finite() || !lines.finite()) return false;
+  for (const PoseUnknown& pose : poses) {
+    if (!pose.at(pose.change.data()).matrix().allFinite()) return false;
+  }
+
+  points.apply();
+  lines.apply();
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (bundle->frames[i].fixed) continue;
+    Eigen::Isometry3d T = poses[i].at(poses[i].change.data()).inverse();
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    bundle->frames[i].T_map_camera = T;
+  }
+  return true;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,371 @@
+#include "map/local_map.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "matching/patch_warp.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr auto kBoth = ResidualImages::kBoth;
+constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
+constexpr float kApartPx = 8.0F;  // between a new point and others
+
+// A landmark that should be in view is forgotten when it was missed so many times in a row: sooner
+// if it was hardly ever seen.
+constexpr int kMinMissed = 2;
+constexpr int kMaxMissed = 20;
+
+/// Index of a landmark, or -1 if it is forgotten.
+template <typename Landmark>
+int indexOf(const std::vector<Landmark>& landmarks, std::uint64_t id) {
+  const auto it = std::lower_bound(landmarks.begin(), landmarks.end(), id,
+                                   [](const Landmark& a, std::uint64_t b) { return a.id < b; });
+  return it != landmarks.end() && it->id == id ? static_cast<int>(it - landmarks.begin()) : -1;
+}
+
+/// The place becomes better known by a sight from a pose.
+template <typename Residual, typename Place, typename Sight>
+void improve(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map, const Sight& sight,
+             Place* place) {
+  const Residual residual(correspondence(*place, sight), camera, T_camera_map);
+  if (!residual.valid) return;
+  using Noise = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
+  place->template update<Residual::kRows>(residual.value, residual.byLandmark(),
+                                          sight.sigma_px * sight.sigma_px * Noise::Identity());
+}
+
+/// Counts how a landmark was looked for.
+template <typename Landmark>
+void countMisses(const std::vector<bool>& in_view, std::vector<Landmark>* landmarks) {
+  for (std::size_t i = 0; i < landmarks->size(); ++i)
+    (*landmarks)[i].sightings.missed += in_view[i] ? 1 : 0;
+}
+
+/// Where new points may be taken: the image in cells, each of which wants a number of points.
+class PointQuota {
+ public:
+  PointQuota(const StereoCamera& camera, int cell_size_px, int wanted)
+      : cell_size_(static_cast<float>(cell_size_px)),
+        columns_(camera.width / cell_size_px + 1),
+        wanted_(static_cast<std::size_t>(wanted)),
+        cells_(static_cast<std::size_t>(columns_) * (camera.height / cell_size_px + 1)) {}
+
+  /// A point that is there already; it must lie in the image.
+  void occupy(const Eigen::Vector2f& pixel) { cell(pixel).push_back(pixel); }
+
+  /// Takes a pixel if its cell wants one more, and no other point is near.
+  bool take(const Eigen::Vector2f& pixel) {
+    std::vector<Eigen::Vector2f>& points = cell(pixel);
+    const auto near = [&](const Eigen::Vector2f& other) {
+      return (other - pixel).squaredNorm() < kApartPx * kApartPx;
+    };
+    if (points.size() >= wanted_ || std::any_of(points.begin(), points.end(), near)) return false;
+    points.push_back(pixel);
+    return true;
+  }
+
+ private:
+  std::vector<Eigen::Vector2f>& cell(const Eigen::Vector2f& pixel) {
+    return cells_[static_cast<std::size_t>(static_cast<int>(pixel.y() / cell_size_) * columns_ +
+                                           static_cast<int>(pixel.x() / cell_size_))];
+  }
+
+  float cell_size_;
+  int columns_;
+  std::size_t wanted_;
+  std::vector<std::vector<Eigen::Vector2f>> cells_;
+};
+
+bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
+  return pixel.x() >= kHalfPatch && pixel.y() >= kHalfPatch &&
+         pixel.x() < static_cast<float>(camera.width - kHalfPatch) &&
+         pixel.y() < static_cast<float>(camera.height - kHalfPatch);
+}
+
+/// A landmark at the place and with the looks of a point of a frame at a pose.
+MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo, const StereoCamera& camera,
+                   const Eigen::Isometry3d& T_map_camera) {
+  const PointFeature& feature = frame.features.points_left[stereo.left];
+  const Eigen::Matrix3d& R = T_map_camera.linear();
+  MapPoint point;
+  point.place.value = T_map_camera * stereo.triangulated.p_camera;
+  point.place.spread = R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
+  point.patch_axes = R * facingPixelAxes(camera, stereo.triangulated.p_camera.z());
+  cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
+  cv::getRectSubPix(frame.left_image, patch.size(), {feature.pixel.x(), feature.pixel.y()}, patch);
+  point.left = feature.descriptor;
+  point.right = frame.features.points_right[stereo.right].descriptor;
+  return point;
+}
+
+/// The same for a triangulated line.
+MapLine makeLine(const StereoFrame& frame, const StereoLine& stereo,
+                 const Eigen::Isometry3d& T_map_camera) {
+  const TriangulatedLine& triangulated = *stereo.triangulated;
+  // Of the six eigenvalues two are zero: noise along the line is not in the covariance.
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(triangulated.covariance);
+  const LineBelief::Spread spread =
+      eigen.eigenvectors().rightCols<4>() *
+      eigen.eigenvalues().tail<4>().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  const Eigen::Matrix3d& R = T_map_camera.linear();
+  MapLine line;
+  line.place.value << T_map_camera * triangulated.start_camera,
+      T_map_camera * triangulated.end_camera;
+  line.place.spread << R * spread.topRows<3>(), R * spread.bottomRows<3>();
+  line.left = frame.features.lines_left[stereo.left].descriptor;
+  line.right = frame.features.lines_right[stereo.right].descriptor;
+  return line;
+}
+
+}  // namespace
+
+MapSights LocalMap::find(const StereoFrame& frame, const FrameContext& context,
+                         const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const {
+  MapSights sights;
+  const Eigen::Isometry3d T_camera_map = T_map_camera.inverse();
+  findPoints(points_, T_camera_map, frame, context, threads, &sights);
+  findLines(lines_, T_camera_map, frame, context, &sights);
+  return sights;
+}
+
+Correspondences LocalMap::correspondences(const MapSights& sights) const {
+  const Eigen::Isometry3d T_reference_map = T_map_reference_.inverse();
+  const Eigen::Matrix3d& R = T_reference_map.linear();
+  Correspondences correspondences;
+  correspondences.points.reserve(sights.points.size());
+  for (const MapSights::Point& point : sights.points) {
+    const PointBelief& place = points_[point.landmark].place;
+    PointCorrespondence match = correspondence(place, point.sight);
+    match.p_prev = T_reference_map * match.p_prev;
+    const PointBelief::Spread spread = R * place.spread;
+    match.covariance = spread * spread.transpose();
+    correspondences.points.push_back(match);
+  }
+  correspondences.lines.reserve(sights.lines.size());
+  for (const MapSights::Line& line : sights.lines) {
+    const LineBelief& place = lines_[line.landmark].place;
+    LineCorrespondence match = correspondence(place, line.sight);
+    match.start_prev = T_reference_map * match.start_prev;
+    match.end_prev = T_reference_map * match.end_prev;
+    LineBelief::Spread spread;
+    spread << R * place.spread.topRows<3>(), R * place.spread.bottomRows<3>();
+    match.covariance = spread * spread.transpose();
+    correspondences.lines.push_back(match);
+  }
+  return correspondences;
+}
+
+void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
+                   const MotionEstimate& motion, const LandmarkCandidates& candidates) {
+  carryOn(motion.T_curr_prev.inverse());
+  reference_.T_map_camera = T_map_reference_;
+  countMisses(sights.point_in_view, &points_);
+  countMisses(sights.line_in_view, &lines_);
+  learn(context.camera, sights, motion);
+  const double num_old = static_cast<double>(reference_.size());
+  const bool keyframe = needsKeyframe();
+  addPoints(frame, context, candidates.points);
+  addLines(frame, context, candidates.lines, sights);
+  share_of_new_ = 1.0 - num_old / std::max<double>(static_cast<double>(reference_.size()), 1.0);
+  if (keyframe && reference_.size() > 0) addKeyframe();
+  forget();
+}
+
+void LocalMap::carryOn(const Eigen::Isometry3d& T_reference_camera) {
+  T_map_reference_ = T_map_reference_ * T_reference_camera;
+  T_map_reference_.linear() =
+      Eigen::Quaterniond(T_map_reference_.linear()).normalized().toRotationMatrix();
+  reference_ = Observations();
+  share_of_new_ = 1.0;
+}
+
+void LocalMap::learn(const StereoCamera& camera, const MapSights& sights,
+                     const MotionEstimate& motion) {
+  const Eigen::Isometry3d T_camera_map = T_map_reference_.inverse();
+  const auto found = [](auto* landmark) {
+    ++landmark->sightings.seen;
+    landmark->sightings.missed = 0;
+  };
+  for (std::size_t i = 0; i < sights.points.size(); ++i) {
+    if (!motion.point_inliers[i]) continue;
+    MapPoint& point = points_[sights.points[i].landmark];
+    found(&point);
+    improve<PointResidual<kBoth>>(camera, T_camera_map, sights.points[i].sight, &point.place);
+    reference_.points.push_back({point.id, sights.points[i].sight});
+  }
+  for (std::size_t i = 0; i < sights.lines.size(); ++i) {
+    if (!motion.line_inliers[i]) continue;
+    MapLine& line = lines_[sights.lines[i].landmark];
+    found(&line);
+    improve<LineResidual<kBoth>>(camera, T_camera_map, sights.lines[i].sight, &line.place);
+    reference_.lines.push_back({line.id, sights.lines[i].sight});
+  }
+}
+
+void LocalMap::forget() {
+  const std::uint64_t oldest = keyframes_.empty() ? 0 : keyframes_.front().id;
+  const auto forgotten = [&](const auto& landmark) {
+    const Sightings& sightings = landmark.sightings;
+    return sightings.missed > std::min(kMinMissed + sightings.seen / 2, kMaxMissed) ||
+           sightings.last_keyframe < oldest;
+  };
+  points_.erase(std::remove_if(points_.begin(), points_.end(), forgotten), points_.end());
+  lines_.erase(std::remove_if(lines_.begin(), lines_.end(), forgotten), lines_.end());
+}
+
+/// The strongest first, where cells want more.
+void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
+                         const std::vector<int>& candidates) {
+  const StereoCamera& camera = context.camera;
+  PointQuota quota(camera, context.parameters.points.cell_size_px, window_.points_per_cell);
+  for (const Entry<PointSight>& seen : reference_.points)
+    quota.occupy(seen.sight.left_px.cast<float>());
+  const auto feature = [&](int i) -> const PointFeature& {
+    return frame.features.points_left[frame.points[i].left];
+  };
+  std::vector<int> strongest_first = candidates;
+  std::stable_sort(
+      strongest_first.begin(), strongest_first.end(),
+      [&](int a, int b) { return feature(a).response > feature(b).response; });
+  for (const int i : strongest_first) {
+    const Eigen::Vector2f& pixel = feature(i).pixel;
+    if (!patchFits(pixel, camera) || !quota.take(pixel)) continue;
+    const StereoPoint& stereo = frame.points[i];
+    MapPoint point = makePoint(frame, stereo, camera, T_map_reference_);
+    if (!point.place.value.allFinite() || !point.place.spread.allFinite()) continue;
+    point.id = next_landmark_++;
+    point.sightings.last_keyframe = next_keyframe_;
+    PointSight sight;
+    sight.left_px = pixel.cast<double>();
+    sight.right_px = context.correction.apply(stereo.right_px.cast<double>());
+    sight.sigma_px = stereo.sigma_px;
+    reference_.points.push_back({point.id, sight});
+    points_.push_back(point);
+  }
+}
+
+/// All that are not in the map.
+void LocalMap::addLines(const StereoFrame& frame, const FrameContext& context,
+                        const std::vector<int>& candidates, const MapSights& sights) {
+  std::vector<bool> known(frame.lines.size(), false);
+  for (const MapSights::Line& line : sights.lines) known[line.stereo_line] = true;
+  for (const int i : candidates) {
+    const StereoLine& stereo = frame.lines[i];
+    if (known[i] || !stereo.triangulated) continue;
+    MapLine line = makeLine(frame, stereo, T_map_reference_);
+    if (!line.place.value.allFinite() || !line.place.spread.allFinite()) continue;
+    line.id = next_landmark_++;
+    line.sightings.last_keyframe = next_keyframe_;
+    reference_.lines.push_back({line.id, lineSight(frame.features, stereo, context)});
+    lines_.push_back(line);
+  }
+}
+
+bool LocalMap::needsKeyframe() const {
+  if (keyframes_.empty()) return true;
+  const Observations& keyframe = keyframes_.back();
+  std::vector<std::uint64_t> then;
+  for (const auto& entry : keyframe.points) then.push_back(entry.landmark);
+  for (const auto& entry : keyframe.lines) then.push_back(entry.landmark);
+  std::sort(then.begin(), then.end());
+  const auto seen_then = [&](const auto& entry) {
+    return std::binary_search(then.begin(), then.end(), entry.landmark);
+  };
+  const auto common =
+      std::count_if(reference_.points.begin(), reference_.points.end(), seen_then) +
+      std::count_if(reference_.lines.begin(), reference_.lines.end(), seen_then);
+  return static_cast<double>(common) < window_.keyframe_overlap * static_cast<double>(then.size());
+}
+
+void LocalMap::addKeyframe() {
+  reference_.id = next_keyframe_++;
+  const auto mark = [&](const auto& entries, auto* landmarks) {
+    for (const auto& entry : entries) {
+      const int i = indexOf(*landmarks, entry.landmark);
+      if (i >= 0) (*landmarks)[i].sightings.last_keyframe = reference_.id;
+    }
+  };
+  mark(reference_.points, &points_);
+  mark(reference_.lines, &lines_);
+  keyframes_.push_back(reference_);
+  const auto most = static_cast<std::size_t>(window_.size + local_map_.size);
+  while (keyframes_.size() > most) keyframes_.pop_front();
+  keyframe_is_new_ = true;
+}
+
+std::optional<BundleProblem> LocalMap::takeProblem() {
+  if (!keyframe_is_new_) return std::nullopt;
+  keyframe_is_new_ = false;
+  // The window's keyframes are free, as many before them hold it.
+  const std::size_t free = std::min(keyframes_.size() - 1, static_cast<std::size_t>(window_.size));
+  const std::size_t held = std::min(keyframes_.size() - free, free);
+  if (free < 2) return std::nullopt;
+  const std::size_t first = keyframes_.size() - free - held;
+
+  BundleProblem problem;
+  std::vector<int> point_place(points_.size(), -1);  // in the problem's list
+  std::vector<int> line_place(lines_.size(), -1);
+  const auto enlist = [](const auto& entries, const auto& landmarks, auto* places, auto* list) {
+    for (const auto& entry : entries) {
+      const int i = indexOf(landmarks, entry.landmark);
+      if (i < 0 || (*places)[i] >= 0) continue;
+      (*places)[i] = static_cast<int>(list->size());
+      list->emplace_back();
+      list->back().id = landmarks[i].id;
+      list->back().place = landmarks[i].place;
+    }
+  };
+  for (std::size_t k = first; k < keyframes_.size(); ++k) {
+    const bool fixed = k < first + held;
+    problem.frames.push_back({keyframes_[k].id, keyframes_[k].T_map_camera, fixed});
+    if (fixed) continue;
+    enlist(keyframes_[k].points, points_, &point_place, &problem.points);
+    enlist(keyframes_[k].lines, lines_, &line_place, &problem.lines);
+  }
+  const auto observe = [](const auto& entries, const auto& landmarks, const auto& places, int frame,
+                          auto* list) {
+    for (const auto& entry : entries) {
+      const int i = indexOf(landmarks, entry.landmark);
+      if (i >= 0 && places[i] >= 0) (*list)[places[i]].sights.push_back({frame, entry.sight});
+    }
+  };
+  for (std::size_t k = first; k < keyframes_.size(); ++k) {
+    const int frame = static_cast<int>(k - first);
+    observe(keyframes_[k].points, points_, point_place, frame, &problem.points);
+    observe(keyframes_[k].lines, lines_, line_place, frame, &problem.lines);
+  }
+  const auto drop_single = [](auto* list) {
+    const auto single = [](const auto& landmark) { return landmark.sights.size() < 2; };
+    list->erase(std::remove_if(list->begin(), list->end(), single), list->end());
+  };
+  drop_single(&problem.points);
+  drop_single(&problem.lines);
+  return problem;
+}
+
+void LocalMap::adopt(const BundleProblem& solved) {
+  for (const BundleProblem::Frame& frame : solved.frames) {
+    for (Observations& keyframe : keyframes_) {
+      if (keyframe.id != frame.id) continue;
+      if (&frame == &solved.frames.back()) {
+        T_map_reference_ =
+            frame.T_map_camera * keyframe.T_map_camera.inverse() * T_map_reference_;
+      }
+      keyframe.T_map_camera = frame.T_map_camera;
+    }
+  }
+  const auto move = [](const auto& from, auto* landmarks) {
+    for (const auto& landmark : from) {
+      const int i = indexOf(*landmarks, landmark.id);
+      if (i >= 0) (*landmarks)[i].place.value = landmark.place.value;
+    }
+  };
+  move(solved.points, &points_);
+  move(solved.lines, &lines_);
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "map/bundle_adjustment.h"
+#include "map/landmarks.h"
+#include "map/map_search.h"
+#include "motion/sights.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/thread_pool.h"
+
+namespace point_line_odometry {
+
+/// Features of a frame from which new landmarks may be made, by their indices in the frame: those
+/// whose motion agreed with the frame's.
+struct LandmarkCandidates {
+  std::vector<int> points;
+  std::vector<int> lines;
+};
+
+/// Points and lines seen lately and the keyframes that saw them, in a frame of the map's own that
+/// starts at the first camera. Every frame is measured against the landmarks; each sight of a
+/// landmark makes its place better known; keyframes and landmarks are adjusted together over a
+/// window of the last keyframes. Bounded: of the keyframes the oldest go, and with them the
+/// landmarks that none has seen since.
+class LocalMap {
+ public:
+  LocalMap(const WindowParameters& window, const LocalMapParameters& local_map)
+      : window_(window), local_map_(local_map) {}
+
+  /// Pose of the camera at the reference, the frame that was added last.
+  const Eigen::Isometry3d& T_map_reference() const { return T_map_reference_; }
+
+  /// Looks for the landmarks in a frame that is expected at a pose.
+  MapSights find(const StereoFrame& frame, const FrameContext& context,
+                 const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const;
+
+  /// The sights as measurements of the motion since the reference.
+  Correspondences correspondences(const MapSights& sights) const;
+
+  /// A frame becomes the reference: learns from the sights that the motion estimate took for
+  /// inliers, takes new landmarks where there are few, and makes it a keyframe if it sees little of
+  /// what the last one saw.
+  /// \param motion since the old reference; element i of its inliers belongs to element i of the
+  /// sights, inliers beyond them are of other measurements.
+  void add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
+           const MotionEstimate& motion, const LandmarkCandidates& candidates);
+
+  /// Another frame becomes the reference, of which only the motion is known or believed.
+  void carryOn(const Eigen::Isometry3d& T_reference_camera);
+
+  /// The window round the last keyframe, once after each new keyframe.
+  std::optional<BundleProblem> takeProblem();
+
+  /// Takes the solution of a problem: keyframes, landmarks and the reference's pose move.
+  void adopt(const BundleProblem& solved);
+
+  std::size_t numPoints() const { return points_.size(); }
+  std::size_t numLines() const { return lines_.size(); }
+  std::size_t numKeyframes() const { return keyframes_.size(); }
+  /// Share of what the reference sees that was new with it.
+  double shareOfNew() const { return share_of_new_; }
+
+ private:
+  template <typename Sight>
+  struct Entry {
+    std::uint64_t landmark;  ///< its id
+    Sight sight;
+  };
+
+  /// A frame with all that it sees of the map.
+  struct Observations {
+    std::uint64_t id = 0;
+    Eigen::Isometry3d T_map_camera = Eigen::Isometry3d::Identity();
+    std::vector<Entry<PointSight>> points;
+    std::vector<Entry<LineSight>> lines;
+
+    std::size_t size() const { return points.size() + lines.size(); }
+  };
+
+  void learn(const StereoCamera& camera, const MapSights& sights, const MotionEstimate& motion);
+  void forget();
+  void addPoints(const StereoFrame& frame, const FrameContext& context,
+                 const std::vector<int>& candidates);
+  void addLines(const StereoFrame& frame, const FrameContext& context,
+                const std::vector<int>& candidates, const MapSights& sights);
+  bool needsKeyframe() const;
+  void addKeyframe();
+
+  WindowParameters window_;
+  LocalMapParameters local_map_;
+  Eigen::Isometry3d T_map_reference_ = Eigen::Isometry3d::Identity();
+  std::vector<MapPoint> points_;  // in the order of their ids
+  std::vector<MapLine> lines_;    // in the order of their ids
+  std::deque<Observations> keyframes_;
+  Observations reference_;  // what the last frame saw
+  double share_of_new_ = 1.0;
+  std::uint64_t next_landmark_ = 0;
+  std::uint64_t next_keyframe_ = 0;
+  bool keyframe_is_new_ = false;
+};
+
+}  // namespace point_line_odometry

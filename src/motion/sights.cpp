@@ -1,0 +1,47 @@
+#include "motion/sights.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace point_line_odometry {
+
+double pointSigma(const MotionParameters& parameters, std::optional<double> gain, double scale) {
+  const double whole_pixels = std::sqrt(1.0 / 12.0);
+  const double added = gain ? parameters.image_noise * *gain : whole_pixels;
+  return scale * std::hypot(parameters.point_noise_px, added);
+}
+
+double lineSigma(const MotionParameters& parameters, double length_px) {
+  return std::hypot(parameters.line_noise_px,
+                    2.0 * parameters.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
+}
+
+LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
+                    const FrameContext& context) {
+  const LineSegment& left = features.lines_left[line.left].segment;
+  const LineSegment& right = features.lines_right[line.right].segment;
+  LineSight sight;
+  sight.left_start_px = left.start.cast<double>();
+  sight.left_end_px = left.end.cast<double>();
+  sight.right_start_px = context.correction.apply(right.start.cast<double>());
+  sight.right_end_px = context.correction.apply(right.end.cast<double>());
+  sight.sigma_px =
+      lineSigma(context.parameters.motion, std::min<double>(left.length(), right.length()));
+  return sight;
+}
+
+std::optional<PointSight> alignPoint(const PatchAligner& patch, const Eigen::Vector2f& left_px,
+                                     const Eigen::Vector2f& right_px, const FrameContext& context) {
+  const auto left = patch.align(context.images.left, left_px);
+  if (!left) return std::nullopt;
+  const auto right = patch.align(context.images.right, right_px);
+  const double max_rows = context.parameters.matching.max_row_difference_px;
+  if (!right || std::abs(right->y() - left->y()) > max_rows) return std::nullopt;
+  PointSight sight;
+  sight.left_px = left->cast<double>();
+  sight.right_px = context.correction.apply(right->cast<double>());
+  sight.sigma_px = pointSigma(context.parameters.motion, patch.noiseGain(), 1.0);
+  return sight;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <optional>
+
+#include "point_line_odometry/calibration_refinement.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// What turns features of the current frame into measurements. References.
+struct FrameContext {
+  const StereoImages& images;
+  const StereoCamera& camera;
+  const RightImageCorrection& correction;  ///< of what is seen in the right image
+  const Parameters& parameters;
+};
+
+/// Noise of a coordinate of a point's pixel [px]: what alignment by translation leaves out, and the
+/// image's noise. \param gain of the patch, see PatchAligner::noiseGain(); nothing if it was not
+/// aligned: whole pixels. \param scale of the pyramid level in which the point was found.
+double pointSigma(const MotionParameters& parameters, std::optional<double> gain, double scale);
+
+/// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise
+/// of the edge's pixels, of which there is about one for each pixel of length. The ends of a line
+/// fitted to n samples have twice their noise by the square root of n.
+double lineSigma(const MotionParameters& parameters, double length_px);
+
+/// A stereo line of a frame as a measurement; the noise is that of the shorter segment.
+LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
+                    const FrameContext& context);
+
+/// The place where a point of the map or of an earlier frame is seen: its patch is aligned in both
+/// images of the current frame, from where it is expected. Nothing if it is not found in both.
+std::optional<PointSight> alignPoint(const PatchAligner& patch, const Eigen::Vector2f& left_px,
+                                     const Eigen::Vector2f& right_px, const FrameContext& context);
+
+}  // namespace point_line_odometry
