@@ -51,9 +51,13 @@ class DistortedDrive {
       const auto triangulated = triangulatePoint(camera, camera.projectLeft(p) + noise(),
                                                  corrected(p).x(), kSigmaPx, 0.1);
       if (!triangulated || (truth * p).z() < 1.0) continue;
-      matches.points.push_back({triangulated->p_camera, triangulated->covariance,
-                                camera.projectLeft(truth * p) + noise(), corrected(truth * p),
-                                kSigmaPx});
+      PointCorrespondence match;
+      match.p_prev = triangulated->p_camera;
+      match.covariance = triangulated->covariance;
+      match.left_px = camera.projectLeft(truth * p) + noise();
+      match.right_px = corrected(truth * p);
+      match.sigma_px = kSigmaPx;
+      matches.points.push_back(match);
     }
     const MotionEstimate motion = estimateMotion(matches, camera, truth, {});
     ASSERT_TRUE(motion.ok());

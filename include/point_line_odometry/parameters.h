@@ -61,7 +61,7 @@ struct MotionParameters {
 /// Landmarks and keyframes that are adjusted together.
 struct WindowParameters {
   int size = 5;
-  double keyframe_overlap = 0.7;
+  double keyframe_overlap = 0.6;
   int points_per_cell = 6;
   int max_iterations = 5;
 };

@@ -22,9 +22,9 @@ struct MotionStep {
   Eigen::Isometry3d T_reference_camera =
       Eigen::Isometry3d::Identity();  ///< the same with what earlier frames were corrected by
   Matrix6d covariance = Matrix6d::Zero();  ///< along and about the axes of the reference
-  /// How much of the error is handed on to the next poses. Against a map, that of a frame is its
-  /// own, but the landmarks that are made with it keep it; from frame to frame it stays.
-  double share_that_stays = 1.0;
+  /// How many times the covariance is handed on to the next poses. Against a map a frame's error is
+  /// its own, only the landmarks made with it keep it.
+  double lasting = 1.0;
 };
 
 /// `T_measured`, moved towards `T_wanted` as far as so many standard deviations of its covariance.
@@ -37,6 +37,10 @@ Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
 /// for a bounded time, and then it is held.
 class PoseIntegrator {
  public:
+  /// What calibration and interpolation leave of a scale error, as a share of lengths: it does not
+  /// average out on the way.
+  static constexpr double kScaleError = 0.002;
+
   /// Forgets the past; the pose is this one, known exactly.
   void reset(const Eigen::Isometry3d& T_odom_camera);
 
@@ -54,7 +58,9 @@ class PoseIntegrator {
 
   const Eigen::Isometry3d& T_odom_camera() const { return T_odom_camera_; }
   const Eigen::Isometry3d& T_odom_reference() const { return T_odom_reference_; }
-  const Matrix6d& covariance() const { return covariance_; }
+
+  /// Along and about the axes of odom; since reset().
+  Matrix6d covariance() const;
 
   /// The last measured velocity; none before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return velocity_; }
@@ -66,7 +72,8 @@ class PoseIntegrator {
 
  private:
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
-  Matrix6d covariance_ = Matrix6d::Zero();  // along and about the axes of odom
+  Eigen::Vector3d start_ = Eigen::Vector3d::Zero();  // where the pose was known exactly
+  Matrix6d covariance_ = Matrix6d::Zero();           // without the scale's error
   Matrix6d lasting_covariance_ = Matrix6d::Zero();  // the part that is handed on
   Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
   Matrix6d reference_covariance_ = Matrix6d::Zero();  // what the reference has handed on

@@ -28,7 +28,7 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
       ::point_line_odometry::matchCircular(prev2_, prev_, camera_, unknown, parameters_.matching);
   const FrameContext before{run[middle - 1], camera_, correction_, parameters_};
   T_prev_prev2_ = estimateMotion(makeCorrespondences(prev2_, prev_, matches, unknown.T_curr_prev,
-                                                     before),
+                                                     before, nullptr),
                                  camera_, unknown.T_curr_prev, parameters_.motion)
                       .T_curr_prev;
   matchCircular();
@@ -54,7 +54,7 @@ MotionPrediction Stages::near(const Eigen::Isometry3d& T_curr_prev) const {
 Correspondences Stages::correspondencesOf(const StereoFrame& prev, const CircularMatches& matches,
                                           const Eigen::Isometry3d& T_curr_prev) const {
   return makeCorrespondences(prev, curr_, matches, T_curr_prev,
-                             {images_, camera_, correction_, parameters_});
+                             {images_, camera_, correction_, parameters_}, nullptr);
 }
 
 std::size_t Stages::gradient() {

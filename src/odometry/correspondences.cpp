@@ -63,6 +63,32 @@ PatchAligner patchOf(const StereoFrame& earlier, const StereoPoint& point,
   return PatchAligner(earlier.left_image, pixel);
 }
 
+PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoPoint& before,
+                                       const StereoFrame& curr, const StereoPoint& now,
+                                       const Eigen::Isometry3d& T_curr_earlier,
+                                       const FrameContext& context) {
+  Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
+  Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
+  std::optional<double> gain;
+  if (context.parameters.matching.refine_subpixel) {
+    const PatchAligner patch = patchOf(earlier, before, T_curr_earlier, context.camera);
+    const auto left = patch.align(context.images.left, left_px);
+    const auto right = patch.align(context.images.right, right_px);
+    if (left && right) gain = patch.noiseGain();
+    left_px = left.value_or(left_px);
+    right_px = right.value_or(right_px);
+  }
+  PointCorrespondence point;
+  point.p_prev = before.triangulated.p_camera;
+  point.covariance = before.triangulated.covariance;
+  point.left_px = left_px.cast<double>();
+  point.right_px = context.correction.apply(right_px.cast<double>());
+  point.sigma_px =
+      pointSigma(context.parameters.motion, gain,
+                 levelScale(earlier.features.points_left[before.left], context.parameters));
+  return point;
+}
+
 }  // namespace
 
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
@@ -94,34 +120,23 @@ void triangulateMatches(const StereoMatches& matches, const FrameContext& contex
 Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
                                     const CircularMatches& matches,
                                     const Eigen::Isometry3d& T_curr_earlier,
-                                    const FrameContext& context) {
-  const MotionParameters& motion = context.parameters.motion;
+                                    const FrameContext& context, ThreadPool* threads) {
   Correspondences correspondences;
-  correspondences.points.reserve(matches.points.size());
-  correspondences.lines.reserve(matches.lines.size());
-  for (const IndexPair& match : matches.points) {
-    const StereoPoint& before = earlier.points[match.first];
-    const StereoPoint& now = curr.points[match.second];
-    Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
-    Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
-    std::optional<double> gain;
-    if (context.parameters.matching.refine_subpixel) {
-      const PatchAligner patch = patchOf(earlier, before, T_curr_earlier, context.camera);
-      const auto left = patch.align(context.images.left, left_px);
-      const auto right = patch.align(context.images.right, right_px);
-      if (left && right) gain = patch.noiseGain();
-      left_px = left.value_or(left_px);
-      right_px = right.value_or(right_px);
+  correspondences.points.resize(matches.points.size());
+  const auto make_points = [&](int, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const StereoPoint& before = earlier.points[matches.points[i].first];
+      const StereoPoint& now = curr.points[matches.points[i].second];
+      correspondences.points[i] =
+          makeCorrespondence(earlier, before, curr, now, T_curr_earlier, context);
     }
-    PointCorrespondence point;
-    point.p_prev = before.triangulated.p_camera;
-    point.covariance = before.triangulated.covariance;
-    point.left_px = left_px.cast<double>();
-    point.right_px = context.correction.apply(right_px.cast<double>());
-    point.sigma_px = pointSigma(
-        motion, gain, levelScale(earlier.features.points_left[before.left], context.parameters));
-    correspondences.points.push_back(point);
+  };
+  if (threads != nullptr) {
+    threads->runParts(matches.points.size(), make_points);
+  } else {
+    make_points(0, 0, matches.points.size());
   }
+  correspondences.lines.reserve(matches.lines.size());
   for (const IndexPair& match : matches.lines) {
     const StereoLine& before = earlier.lines[match.first];
     LineCorrespondence line;

@@ -15,11 +15,12 @@ void triangulateMatches(const StereoMatches& matches, const FrameContext& contex
 
 /// What the estimator needs of circular matches: places in the earlier frame and (sub-)pixels in
 /// the current one. Element i of the points and lines belongs to element i of the matches.
-/// \param T_curr_earlier as predicted: how patches change on the way.
+/// \param T_curr_earlier as predicted: how patches change on the way. \param threads to share the
+/// alignment of patches out, or null.
 Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
                                     const CircularMatches& matches,
                                     const Eigen::Isometry3d& T_curr_earlier,
-                                    const FrameContext& context);
+                                    const FrameContext& context, ThreadPool* threads);
 
 /// Numbers of detected, stereo-matched and untriangulable features.
 FrameCounts countFeatures(const StereoFrame& frame);

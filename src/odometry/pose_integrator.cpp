@@ -28,6 +28,7 @@ Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
 
 void PoseIntegrator::reset(const Eigen::Isometry3d& T_odom_camera) {
   T_odom_camera_ = T_odom_reference_ = T_odom_camera;
+  start_ = T_odom_camera.translation();
   covariance_ = lasting_covariance_ = reference_covariance_ = Matrix6d::Zero();
   velocity_.reset();
   twist_.setZero();
@@ -39,7 +40,7 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
     return composeCovariance(T_odom_reference_, reference_covariance_, step.T_reference_camera,
                              covariance);
   };
-  lasting_covariance_ = composed(step.share_that_stays * step.covariance);
+  lasting_covariance_ = composed(step.lasting * step.covariance);
   covariance_ = composed(step.covariance);
   T_odom_camera_ = T_odom_reference_ * step.T_reference_camera;
   T_odom_camera_.linear() =
@@ -64,6 +65,13 @@ bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double ma
   twist_ = moves ? velocity : Vector6d::Zero();
   twist_covariance_ = motion_covariance / (dt_s * dt_s);
   return moves;
+}
+
+Matrix6d PoseIntegrator::covariance() const {
+  Matrix6d covariance = covariance_;
+  const Eigen::Vector3d way = T_odom_camera_.translation() - start_;
+  covariance.topLeftCorner<3, 3>() += kScaleError * kScaleError * way * way.transpose();
+  return covariance;
 }
 
 void PoseIntegrator::takeReference() {

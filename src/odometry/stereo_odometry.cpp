@@ -28,7 +28,14 @@ constexpr double kMaxWidening = 4.0;  // of the search radius after missing fram
 // If the map gives fewer matches than this share of those with the last frame, these are used, too.
 constexpr double kFewMapMatches = 0.5;
 
-constexpr double kMaxCorrectionSigmas = 3.0;  // of a frame's motion, for what the map corrects
+// How far a frame's motion may be changed by what the map has corrected, in standard deviations.
+constexpr double kMaxCorrectionSigmas = 3.0;
+
+// Errors of successive motions are alike, as they come from the same features: so many times a
+// motion's covariance is handed on to the next poses, from frame to frame; and of a motion against
+// the map, times the share of landmarks that are new. Measured in the built-in worlds (NEES).
+constexpr double kLastingDirect = 3.0;
+constexpr double kLastingOfNew = 6.0;
 
 double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
@@ -100,7 +107,7 @@ class StereoOdometry::Impl {
                               const MotionPrediction& prediction, StageTimes* times) const;
   Measurement measureSince(const StereoFrame& earlier, const StereoFrame& curr,
                            const FrameContext& context, const MotionPrediction& prediction,
-                           const MeasureTimes& times) const;
+                           const MeasureTimes& times, ThreadPool* threads) const;
   void measureAgainstMap(const StereoFrame& curr, const FrameContext& context,
                          const MotionPrediction& prediction, Measurement* measurement) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
@@ -228,19 +235,25 @@ StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureDirectly(
     measurement.reason = TrackingReason::kTooFewFeatures;
     return measurement;
   }
+  const MeasureTimes direct_times{times, Stage::kMatchCircular, Stage::kEstimate};
   MotionEstimate over_two;
-  threads_->run(before_reference_ ? 2 : 1, [&](int task) {
-    if (task == 0) {
-      measurement = measureSince(*reference_, curr, context, prediction,
-                                 {times, Stage::kMatchCircular, Stage::kEstimate});
-    } else {
-      const MotionPrediction since_two_frames{
-          prediction.T_curr_prev * before_reference_->T_reference_before, prediction.radius_px};
-      over_two = measureSince(before_reference_->frame, curr, context, since_two_frames,
-                              {times, Stage::kTwoFrames, Stage::kTwoFrames})
-                     .direct;
-    }
-  });
+  if (before_reference_) {
+    threads_->run(2, [&](int task) {
+      if (task == 0) {
+        measurement =
+            measureSince(*reference_, curr, context, prediction, direct_times, nullptr);
+      } else {
+        const MotionPrediction since_two_frames{
+            prediction.T_curr_prev * before_reference_->T_reference_before, prediction.radius_px};
+        over_two = measureSince(before_reference_->frame, curr, context, since_two_frames,
+                                {times, Stage::kTwoFrames, Stage::kTwoFrames}, nullptr)
+                       .direct;
+      }
+    });
+  } else {
+    measurement =
+        measureSince(*reference_, curr, context, prediction, direct_times, threads_.get());
+  }
   measurement.motion = measurement.direct;
   if (measurement.direct.ok() && over_two.ok()) {
     const StageTimer timer(times, Stage::kFuse);
@@ -255,13 +268,13 @@ StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureDirectly(
 
 StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureSince(
     const StereoFrame& earlier, const StereoFrame& curr, const FrameContext& context,
-    const MotionPrediction& prediction, const MeasureTimes& times) const {
+    const MotionPrediction& prediction, const MeasureTimes& times, ThreadPool* threads) const {
   Measurement measurement;
   {
     const StageTimer timer(times.times, times.match);
     measurement.matches = matchCircular(earlier, curr, camera_, prediction, parameters_.matching);
     measurement.correspondences = makeCorrespondences(earlier, curr, measurement.matches,
-                                                      prediction.T_curr_prev, context);
+                                                      prediction.T_curr_prev, context, threads);
   }
   const StageTimer timer(times.times, times.estimate);
   measurement.direct = estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev,
@@ -329,19 +342,23 @@ void StereoOdometry::Impl::integrate(const Measurement& measurement, std::int64_
   }
 }
 
-/// The pose in odom follows that in the map, but goes no further from the measured motion than its
-/// noise explains: what the window has corrected is spread over frames if it is more.
+/// The pose in odom follows that in the map, but goes no further from the measured motion than the
+/// errors of a motion from frame to frame explain, its noise and that of the calibration: a larger
+/// correction by the window is spread over frames.
 MotionStep StereoOdometry::Impl::stepOf(const Measurement& measurement) const {
   MotionStep step;
   step.T_reference_camera = step.T_measured = measurement.motion.T_curr_prev.inverse();
   step.covariance = measurement.motion.covariance;
+  step.lasting = kLastingDirect;
   if (!map_) return step;
-  const Eigen::Isometry3d T_odom_camera =
-      T_odom_map_ * map_->T_map_reference() * step.T_measured;
+  Matrix6d limit = measurement.direct.ok() ? measurement.direct.covariance : step.covariance;
+  limit.diagonal().head<3>().array() +=
+      std::pow(PoseIntegrator::kScaleError, 2) * step.T_measured.translation().squaredNorm();
+  const Eigen::Isometry3d T_odom_camera = T_odom_map_ * map_->T_map_reference() * step.T_measured;
   step.T_reference_camera =
-      limitedStep(step.T_measured, pose_.T_odom_reference().inverse() * T_odom_camera,
-                  step.covariance, kMaxCorrectionSigmas);
-  step.share_that_stays = map_->shareOfNew();
+      limitedStep(step.T_measured, pose_.T_odom_reference().inverse() * T_odom_camera, limit,
+                  kMaxCorrectionSigmas);
+  step.lasting = kLastingOfNew * map_->shareOfNew();
   return step;
 }
 
