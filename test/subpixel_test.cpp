@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "point_line_odometry/matching.h"
 #include "synthetic_scene.h"
@@ -68,6 +69,28 @@ TEST(AlignPatch, RecoversSubpixelShifts) {
       }
     }
   }
+}
+
+/// The camera came nearer: the patch as it looks from there fits, the one as it was does not.
+TEST(AlignPatch, FollowsAChangeOfScale) {
+  constexpr float kGrowth = 1.4F;
+  const Vector2f centre(50.0F, 50.0F);
+  const cv::Matx23f grow(kGrowth, 0.0F, 50.0F * (1.0F - kGrowth), 0.0F, kGrowth,
+                         50.0F * (1.0F - kGrowth));
+  cv::Mat target;
+  cv::warpAffine(kReference, target, grow, kReference.size(), cv::INTER_CUBIC);
+  const Eigen::Matrix2f source_by_target = Eigen::Matrix2f::Identity() / kGrowth;
+  const Vector2f start = centre + Vector2f(0.6F, -0.5F);
+  const auto warped = PatchAligner(kReference, centre, source_by_target).align(target, start);
+  ASSERT_TRUE(warped);
+  EXPECT_LT((*warped - centre).norm(), 0.03F);
+  const auto plain = alignPatch(kReference, centre, target, start);
+  EXPECT_TRUE(!plain || (*plain - centre).norm() > 2.0F * (*warped - centre).norm());
+}
+
+TEST(AlignPatch, RefusesAWarpThatLeavesTheImage) {
+  const PatchAligner patch(kReference, {50.0F, 50.0F}, 9.0F * Eigen::Matrix2f::Identity());
+  EXPECT_FALSE(patch.align(kReference, {50.0F, 50.0F}));
 }
 
 TEST(AlignPatch, FindsALargeShiftFromAGoodInitialPlace) {

@@ -142,7 +142,7 @@ CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
 class PatchAligner {
  public:
   static constexpr int kSide = 11;
-  static constexpr int kPitch = 12;  ///< of rows in memory: the last column is not used
+  static constexpr int kPitch = 12;        ///< of rows in memory: the last column is not used
   static constexpr int kWide = kSide + 2;  ///< with what the gradients of the border need
   using Patch = std::array<float, kSide * kPitch>;
   using WidePatch = std::array<float, kWide * kWide + kPitch - kSide>;

@@ -10,7 +10,8 @@
 
 namespace point_line_odometry {
 
-/// Where a stereo frame sees a point; the right pixel as a correctly calibrated camera would see it.
+/// Where a stereo frame sees a point; the right pixel as a correctly calibrated camera would see
+/// it.
 struct PointSight {
   Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_px = Eigen::Vector2d::Zero();

@@ -20,7 +20,7 @@ struct CameraVelocity {
 struct MotionStep {
   Eigen::Isometry3d T_measured = Eigen::Isometry3d::Identity();  ///< reference <- camera
   Eigen::Isometry3d T_reference_camera =
-      Eigen::Isometry3d::Identity();  ///< the same with what earlier frames were corrected by
+      Eigen::Isometry3d::Identity();       ///< the same with what earlier frames were corrected by
   Matrix6d covariance = Matrix6d::Zero();  ///< along and about the axes of the reference
   /// How many times the covariance is handed on to the next poses. Against a map a frame's error is
   /// its own, only the landmarks made with it keep it.
@@ -74,7 +74,7 @@ class PoseIntegrator {
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Vector3d start_ = Eigen::Vector3d::Zero();  // where the pose was known exactly
   Matrix6d covariance_ = Matrix6d::Zero();           // without the scale's error
-  Matrix6d lasting_covariance_ = Matrix6d::Zero();  // the part that is handed on
+  Matrix6d lasting_covariance_ = Matrix6d::Zero();   // the part that is handed on
   Eigen::Isometry3d T_odom_reference_ = Eigen::Isometry3d::Identity();
   Matrix6d reference_covariance_ = Matrix6d::Zero();  // what the reference has handed on
   std::optional<CameraVelocity> velocity_;

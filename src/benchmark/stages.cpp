@@ -118,9 +118,8 @@ std::size_t Stages::fuse() {
   const Eigen::Isometry3d expected = motion_.T_curr_prev * T_prev_prev2_;
   const CircularMatches matches = ::point_line_odometry::matchCircular(
       prev2_, curr_, camera_, near(expected), parameters_.matching);
-  const MotionEstimate over_two =
-      estimateMotion(correspondencesOf(prev2_, matches, expected), camera_, expected,
-                     parameters_.motion);
+  const MotionEstimate over_two = estimateMotion(correspondencesOf(prev2_, matches, expected),
+                                                 camera_, expected, parameters_.motion);
   if (!over_two.ok()) return 0;
   const MotionEstimate fused = fuseRotation(motion_, over_two.T_curr_prev, T_prev_prev2_,
                                             correspondences_, camera_, parameters_.motion);

@@ -69,9 +69,8 @@ class SightCost : public ceres::SizedCostFunction<Residual::kRows, Place::kNumFr
       using Jacobian = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
       Eigen::Map<Jacobian> J(jacobians[1]);
       const auto by_motion = residual.byMotion();
-      J.template leftCols<3>() =
-          weight * by_motion.template leftCols<3>() *
-          leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[1]));
+      J.template leftCols<3>() = weight * by_motion.template leftCols<3>() *
+                                 leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[1]));
       J.template rightCols<3>() = weight * by_motion.template rightCols<3>();
     }
     return true;

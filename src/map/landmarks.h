@@ -71,8 +71,8 @@ inline LineCorrespondence correspondence(const LineBelief& place, const LineSigh
 
 /// How often a landmark was found.
 struct Sightings {
-  int seen = 1;    ///< frames that found it
-  int missed = 0;  ///< frames that should have seen it since, and did not
+  int seen = 1;                     ///< frames that found it
+  int missed = 0;                   ///< frames that should have seen it since, and did not
   std::uint64_t last_keyframe = 0;  ///< the newest that saw it, or came when it was new
 };
 

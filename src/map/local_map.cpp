@@ -161,8 +161,7 @@ Correspondences LocalMap::correspondences(const MapSights& sights) const {
 
 void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
                    const MotionEstimate& motion, const LandmarkCandidates& candidates) {
-  carryOn(motion.T_curr_prev.inverse());
-  reference_.T_map_camera = T_map_reference_;
+  moveReference(motion.T_curr_prev.inverse());
   countMisses(sights.point_in_view, &points_);
   countMisses(sights.line_in_view, &lines_);
   learn(context.camera, sights, motion);
@@ -175,12 +174,12 @@ void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const 
   forget();
 }
 
-void LocalMap::carryOn(const Eigen::Isometry3d& T_reference_camera) {
+void LocalMap::moveReference(const Eigen::Isometry3d& T_reference_camera) {
   T_map_reference_ = T_map_reference_ * T_reference_camera;
   T_map_reference_.linear() =
       Eigen::Quaterniond(T_map_reference_.linear()).normalized().toRotationMatrix();
   reference_ = Observations();
-  share_of_new_ = 1.0;
+  reference_.T_map_camera = T_map_reference_;
 }
 
 void LocalMap::learn(const StereoCamera& camera, const MapSights& sights,
@@ -228,9 +227,8 @@ void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
     return frame.features.points_left[frame.points[i].left];
   };
   std::vector<int> strongest_first = candidates;
-  std::stable_sort(
-      strongest_first.begin(), strongest_first.end(),
-      [&](int a, int b) { return feature(a).response > feature(b).response; });
+  std::stable_sort(strongest_first.begin(), strongest_first.end(),
+                   [&](int a, int b) { return feature(a).response > feature(b).response; });
   for (const int i : strongest_first) {
     const Eigen::Vector2f& pixel = feature(i).pixel;
     if (!patchFits(pixel, camera) || !quota.take(pixel)) continue;
@@ -275,9 +273,8 @@ bool LocalMap::needsKeyframe() const {
   const auto seen_then = [&](const auto& entry) {
     return std::binary_search(then.begin(), then.end(), entry.landmark);
   };
-  const auto common =
-      std::count_if(reference_.points.begin(), reference_.points.end(), seen_then) +
-      std::count_if(reference_.lines.begin(), reference_.lines.end(), seen_then);
+  const auto common = std::count_if(reference_.points.begin(), reference_.points.end(), seen_then) +
+                      std::count_if(reference_.lines.begin(), reference_.lines.end(), seen_then);
   return static_cast<double>(common) < window_.keyframe_overlap * static_cast<double>(then.size());
 }
 
@@ -352,8 +349,7 @@ void LocalMap::adopt(const BundleProblem& solved) {
     for (Observations& keyframe : keyframes_) {
       if (keyframe.id != frame.id) continue;
       if (&frame == &solved.frames.back()) {
-        T_map_reference_ =
-            frame.T_map_camera * keyframe.T_map_camera.inverse() * T_map_reference_;
+        T_map_reference_ = frame.T_map_camera * keyframe.T_map_camera.inverse() * T_map_reference_;
       }
       keyframe.T_map_camera = frame.T_map_camera;
     }

@@ -51,9 +51,6 @@ class LocalMap {
   void add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
            const MotionEstimate& motion, const LandmarkCandidates& candidates);
 
-  /// Another frame becomes the reference, of which only the motion is known or believed.
-  void carryOn(const Eigen::Isometry3d& T_reference_camera);
-
   /// The window round the last keyframe, once after each new keyframe.
   std::optional<BundleProblem> takeProblem();
 
@@ -83,6 +80,7 @@ class LocalMap {
     std::size_t size() const { return points.size() + lines.size(); }
   };
 
+  void moveReference(const Eigen::Isometry3d& T_reference_camera);
   void learn(const StereoCamera& camera, const MapSights& sights, const MotionEstimate& motion);
   void forget();
   void addPoints(const StereoFrame& frame, const FrameContext& context,

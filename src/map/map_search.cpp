@@ -88,8 +88,8 @@ void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_cam
   sights->line_in_view.resize(lines.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const LineBelief::Value& ends = lines[i].place.value;
-    std::optional<ExpectedLine> segments = expectLine(
-        context.camera, T_camera_map * ends.head<3>(), T_camera_map * ends.tail<3>(), 0.0);
+    std::optional<ExpectedLine> segments = expectLine(context.camera, T_camera_map * ends.head<3>(),
+                                                      T_camera_map * ends.tail<3>(), 0.0);
     sights->line_in_view[i] = segments.has_value();
     if (!segments) continue;
     segments->left_descriptor = lines[i].left;

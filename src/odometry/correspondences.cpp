@@ -42,9 +42,8 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   const Eigen::Vector2d corrected = context.correction.apply(right_px.cast<double>());
   const double sigma_px =
       pointSigma(context.parameters.motion, gain, levelScale(left, context.parameters));
-  const auto triangulated =
-      triangulatePoint(context.camera, left.pixel.cast<double>(), corrected.x(), sigma_px,
-                       matching.min_disparity_px);
+  const auto triangulated = triangulatePoint(context.camera, left.pixel.cast<double>(),
+                                             corrected.x(), sigma_px, matching.min_disparity_px);
   if (!triangulated) return std::nullopt;
   return StereoPoint{match.first, match.second, right_px, sigma_px, *triangulated};
 }
@@ -56,8 +55,8 @@ PatchAligner patchOf(const StereoFrame& earlier, const StereoPoint& point,
   const Eigen::Vector3d& p_earlier = point.triangulated.p_camera;
   const Eigen::Vector3d p_curr = T_curr_earlier * p_earlier;
   if (p_curr.z() > camera.baseline_m) {
-    const auto warp = patchWarp(
-        camera, p_curr, T_curr_earlier.linear() * facingPixelAxes(camera, p_earlier.z()));
+    const auto warp =
+        patchWarp(camera, p_curr, T_curr_earlier.linear() * facingPixelAxes(camera, p_earlier.z()));
     if (warp) return PatchAligner(earlier.left_image, pixel, *warp);
   }
   return PatchAligner(earlier.left_image, pixel);
@@ -140,8 +139,7 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
   for (const IndexPair& match : matches.lines) {
     const StereoLine& before = earlier.lines[match.first];
     LineCorrespondence line;
-    static_cast<LineSight&>(line) =
-        lineSight(curr.features, curr.lines[match.second], context);
+    static_cast<LineSight&>(line) = lineSight(curr.features, curr.lines[match.second], context);
     line.start_prev = before.triangulated->start_camera;
     line.end_prev = before.triangulated->end_camera;
     line.covariance = before.triangulated->covariance;

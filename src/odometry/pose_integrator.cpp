@@ -17,8 +17,7 @@ Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
   change << T_measured.linear() * T_measured_wanted.translation(),
       T_measured.linear() * (turn.angle() * turn.axis());
   const double squared = change.dot(covariance.ldlt().solve(change));
-  const double share =
-      squared > max_sigmas * max_sigmas ? max_sigmas / std::sqrt(squared) : 1.0;
+  const double share = squared > max_sigmas * max_sigmas ? max_sigmas / std::sqrt(squared) : 1.0;
   if (!(share > 0.0)) return T_measured;
   Eigen::Isometry3d T_change = Eigen::Isometry3d::Identity();
   T_change.linear() = Eigen::AngleAxisd(share * turn.angle(), turn.axis()).toRotationMatrix();

@@ -124,6 +124,7 @@ class StereoOdometry::Impl {
   FrameResult dropped(TrackingReason reason, FrameResult result) const;
   void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
   void startNewReference();
+  void startNewMap();
 
   StereoCamera camera_;
   Parameters parameters_;
@@ -240,8 +241,7 @@ StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureDirectly(
   if (before_reference_) {
     threads_->run(2, [&](int task) {
       if (task == 0) {
-        measurement =
-            measureSince(*reference_, curr, context, prediction, direct_times, nullptr);
+        measurement = measureSince(*reference_, curr, context, prediction, direct_times, nullptr);
       } else {
         const MotionPrediction since_two_frames{
             prediction.T_curr_prev * before_reference_->T_reference_before, prediction.radius_px};
@@ -257,10 +257,9 @@ StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureDirectly(
   measurement.motion = measurement.direct;
   if (measurement.direct.ok() && over_two.ok()) {
     const StageTimer timer(times, Stage::kFuse);
-    measurement.motion = measurement.direct =
-        fuseRotation(measurement.direct, over_two.T_curr_prev,
-                     before_reference_->T_reference_before, measurement.correspondences, camera_,
-                     parameters_.motion);
+    measurement.motion = measurement.direct = fuseRotation(
+        measurement.direct, over_two.T_curr_prev, before_reference_->T_reference_before,
+        measurement.correspondences, camera_, parameters_.motion);
   }
   measurement.reason = trackingReason(measurement.direct.status);
   return measurement;
@@ -288,8 +287,8 @@ void StereoOdometry::Impl::measureAgainstMap(const StereoFrame& curr, const Fram
                                              Measurement* measurement) const {
   const Eigen::Isometry3d& T_curr_reference =
       measurement->direct.ok() ? measurement->direct.T_curr_prev : prediction.T_curr_prev;
-  measurement->sights =
-      map_->find(curr, context, map_->T_map_reference() * T_curr_reference.inverse(), threads_.get());
+  measurement->sights = map_->find(
+      curr, context, map_->T_map_reference() * T_curr_reference.inverse(), threads_.get());
   Correspondences matches = map_->correspondences(measurement->sights);
   const Correspondences& direct = measurement->correspondences;
   const auto size = [](const Correspondences& c) {
@@ -365,7 +364,7 @@ MotionStep StereoOdometry::Impl::stepOf(const Measurement& measurement) const {
 /// A frame without a measurement does not replace the reference at once: the next one may match it
 /// again.
 bool StereoOdometry::Impl::shouldBecomeReference(const StereoFrame& curr,
-                                           const Measurement& measurement) const {
+                                                 const Measurement& measurement) const {
   if (!reference_ || measurement.reason == TrackingReason::kNone ||
       measurement.reason == TrackingReason::kFrameGap) {
     return true;
@@ -399,10 +398,10 @@ void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& c
   if (measured && parameters_.motion.fuse_rotation) {
     before_reference_ = EarlierFrame{std::move(*reference_), measurement.motion.T_curr_prev};
   }
-  if (map_ && measured) {
-    map_->add(curr, context, measurement.sights, measurement.motion, candidatesOf(measurement));
+  if (!measured) {
+    startNewMap();  // how the camera came here from the old one is not known
   } else if (map_) {
-    map_->carryOn(pose_.T_odom_reference().inverse() * pose_.T_odom_camera());
+    map_->add(curr, context, measurement.sights, measurement.motion, candidatesOf(measurement));
   }
   if (!measured && state_ != TrackingState::kDegraded) pose_.forgetVelocity();
   reference_ = std::move(curr);
@@ -428,8 +427,7 @@ void StereoOdometry::Impl::startWindow() {
   if (!map_) return;
   std::optional<BundleProblem> problem = map_->takeProblem();
   if (!problem) return;
-  const auto launch =
-      parameters_.tracking.threads > 1 ? std::launch::async : std::launch::deferred;
+  const auto launch = parameters_.tracking.threads > 1 ? std::launch::async : std::launch::deferred;
   window_ = std::async(launch, [camera = camera_, motion = parameters_.motion,
                                 max_iterations = parameters_.window.max_iterations,
                                 bundle = std::move(*problem)]() mutable {
@@ -509,6 +507,10 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
 void StereoOdometry::Impl::startNewReference() {
   reference_.reset();
   before_reference_.reset();
+  startNewMap();
+}
+
+void StereoOdometry::Impl::startNewMap() {
   window_ = {};
   map_.reset();
   if (parameters_.window.size > 0) map_.emplace(parameters_.window, parameters_.local_map);

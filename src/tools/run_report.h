@@ -75,7 +75,12 @@ inline std::vector<std::pair<const char*, int>> listCounts(const FrameCounts& c)
           {"lines_not_triangulable", c.lines_not_triangulable},
           {"point_inliers", c.point_inliers},
           {"line_inliers", c.line_inliers},
-          {"iterations", c.iterations}};
+          {"iterations", c.iterations},
+          {"map_points", c.map_points},
+          {"map_lines", c.map_lines},
+          {"map_point_inliers", c.map_point_inliers},
+          {"map_line_inliers", c.map_line_inliers},
+          {"keyframes", c.keyframes}};
 }
 
 /// Names and values of the times of a frame [ms]: every stage, their total, and what came before.

@@ -1,0 +1,294 @@
+// Landmarks: beliefs, the window's adjustment, the local map's bounds, and what the odometry gains.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "map/bundle_adjustment.h"
+#include "map/landmarks.h"
+#include "map/local_map.h"
+#include "point_line_odometry/pose_integrator.h"
+#include "point_line_odometry/stereo_odometry.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// --- Belief
+
+/// A scalar seen again and again: the belief is the weighted mean, as in a text book.
+TEST(Belief, TakesTheWeightedMean) {
+  Belief<1, 1> belief;
+  belief.value(0) = 2.0;
+  belief.spread(0) = 0.5;
+  using Scalar = Eigen::Matrix<double, 1, 1>;
+  // residual = observed - value, observed 3.0 with sigma 0.25
+  ASSERT_TRUE(belief.update<1>(Scalar(3.0 - 2.0), Scalar(-1.0), Scalar(0.0625)));
+  const double weight_before = 1.0 / 0.25;
+  const double weight_seen = 1.0 / 0.0625;
+  EXPECT_NEAR(belief.value(0),
+              (2.0 * weight_before + 3.0 * weight_seen) / (weight_before + weight_seen), 1e-12);
+  EXPECT_NEAR(belief.covariance()(0), 1.0 / (weight_before + weight_seen), 1e-12);
+}
+
+TEST(Belief, WhatIsNotMeasuredStaysAsItWas) {
+  PointBelief belief;
+  belief.value = {1.0, 2.0, 3.0};
+  belief.spread = 0.1 * Matrix3d::Identity();
+  Eigen::Matrix<double, 1, 3> by_value(-1.0, 0.0, 0.0);
+  ASSERT_TRUE(belief.update<1>(Eigen::Matrix<double, 1, 1>(0.5), by_value,
+                               Eigen::Matrix<double, 1, 1>(1e-8)));
+  EXPECT_NEAR(belief.value.x(), 1.5, 1e-5);
+  EXPECT_NEAR(belief.value.y(), 2.0, 1e-12);
+  EXPECT_NEAR(belief.covariance()(1, 1), 0.01, 1e-12);
+  EXPECT_LT(belief.covariance()(0, 0), 1e-7);
+}
+
+TEST(Belief, RefusesWhatIsNotFinite) {
+  PointBelief belief;
+  belief.spread = Matrix3d::Identity();
+  const PointBelief before = belief;
+  const Vector3d nan = Vector3d::Constant(std::nan(""));
+  EXPECT_FALSE(belief.update<3>(nan, -Matrix3d::Identity(), Matrix3d::Identity()));
+  EXPECT_FALSE(belief.update<3>(Vector3d::Zero(), -Matrix3d::Identity(), -Matrix3d::Identity()));
+  EXPECT_EQ(belief.value, before.value);
+  EXPECT_EQ(belief.spread, before.spread);
+}
+
+// --- Bundle adjustment
+
+constexpr double kNoisePx = 0.2;
+
+/// Keyframes on a curve that see points and lines; the truth, and a problem that starts off it.
+struct BundleWorld {
+  StereoCamera camera = synthetic::camera();
+  std::vector<Isometry3d> poses;
+  std::vector<Vector3d> points;
+  std::vector<LineBelief::Value> lines;
+  BundleProblem problem;
+
+  BundleWorld(double noise_px, int num_points, int num_lines) {
+    synthetic::Random random(5);
+    for (int k = 0; k < 5; ++k)
+      poses.push_back(
+          synthetic::transform({0.01 * k, -0.02 * k, 0.005 * k}, {0.05 * k, -0.02 * k, 0.3 * k}));
+    for (int k = 0; k < 5; ++k) {
+      const Isometry3d off =
+          k < 2 ? Isometry3d::Identity()
+                : synthetic::transform({0.004, -0.003, 0.002}, {0.03, -0.02, 0.02});
+      problem.frames.push_back({static_cast<std::uint64_t>(k), poses[k] * off, k < 2});
+    }
+    const auto noise = [&] { return Vector2d(random.normal(noise_px), random.normal(noise_px)); };
+    for (int i = 0; i < num_points; ++i) {
+      points.push_back(poses[2] * synthetic::visiblePoint(camera, &random));
+      problem.points.emplace_back();
+      auto& landmark = problem.points.back();
+      landmark.id = static_cast<std::uint64_t>(i);
+      landmark.place.value =
+          points.back() + Vector3d(random.normal(0.05), random.normal(0.05), random.normal(0.05));
+      landmark.place.spread = 0.05 * Matrix3d::Identity();
+      for (int k = 0; k < 5; ++k) {
+        const Vector3d p = poses[k].inverse() * points.back();
+        PointSight sight;
+        sight.left_px = camera.projectLeft(p) + noise();
+        sight.right_px = camera.projectRight(p) + noise();
+        sight.sigma_px = kNoisePx;
+        landmark.sights.push_back({k, sight});
+      }
+    }
+    for (int i = 0; i < num_lines; ++i) {
+      const Vector3d start = poses[2] * synthetic::visiblePoint(camera, &random);
+      const Vector3d end = start + Vector3d(0.4 * (i % 3 - 1), 1.0, 0.3 * (i % 2));
+      LineBelief::Value ends;
+      ends << start, end;
+      lines.push_back(ends);
+      problem.lines.emplace_back();
+      auto& landmark = problem.lines.back();
+      landmark.id = static_cast<std::uint64_t>(1000 + i);
+      // Each end moves across the line in two directions.
+      const Vector3d along = (end - start).normalized();
+      const Vector3d a = along.unitOrthogonal();
+      const Vector3d b = along.cross(a);
+      landmark.place.spread.setZero();
+      landmark.place.spread.col(0).head<3>() = 0.05 * a;
+      landmark.place.spread.col(1).head<3>() = 0.05 * b;
+      landmark.place.spread.col(2).tail<3>() = 0.05 * a;
+      landmark.place.spread.col(3).tail<3>() = 0.05 * b;
+      landmark.place.value =
+          ends + landmark.place.spread * Eigen::Vector4d(random.normal(1.0), random.normal(1.0),
+                                                         random.normal(1.0), random.normal(1.0));
+      for (int k = 0; k < 5; ++k) {
+        const Vector3d s = poses[k].inverse() * start;
+        const Vector3d e = poses[k].inverse() * end;
+        LineSight sight;
+        sight.left_start_px = camera.projectLeft(s) + noise();
+        sight.left_end_px = camera.projectLeft(e) + noise();
+        sight.right_start_px = camera.projectRight(s) + noise();
+        sight.right_end_px = camera.projectRight(e) + noise();
+        sight.sigma_px = kNoisePx;
+        landmark.sights.push_back({k, sight});
+      }
+    }
+  }
+
+  double worstPose_m() const {
+    double worst = 0.0;
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      worst = std::max(
+          worst, (problem.frames[k].T_map_camera.translation() - poses[k].translation()).norm());
+    }
+    return worst;
+  }
+};
+
+TEST(AdjustBundle, RecoversExactPosesPointsAndLines) {
+  BundleWorld world(0.0, 60, 20);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 1e-3);
+  for (std::size_t i = 0; i < world.points.size(); ++i)
+    EXPECT_LT((world.problem.points[i].place.value - world.points[i]).norm(), 0.02);
+}
+
+TEST(AdjustBundle, LinesAloneHoldThePoses) {
+  BundleWorld world(0.0, 0, 40);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 2e-3);
+}
+
+TEST(AdjustBundle, NoiseAveragesOut) {
+  BundleWorld world(kNoisePx, 100, 30);
+  ASSERT_GT(world.worstPose_m(), 0.03);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 0.006);
+}
+
+TEST(AdjustBundle, FixedFramesStay) {
+  BundleWorld world(kNoisePx, 60, 10);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 10, &world.problem));
+  for (int k = 0; k < 2; ++k)
+    EXPECT_TRUE(world.problem.frames[k].T_map_camera.isApprox(world.poses[k], 0.0)) << k;
+}
+
+TEST(AdjustBundle, StandsOutliers) {
+  BundleWorld world(kNoisePx, 100, 0);
+  for (int i = 0; i < 10; ++i) world.problem.points[i].sights[3].sight.left_px.x() += 40.0;
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 0.02);
+}
+
+TEST(AdjustBundle, NothingToSolveChangesNothing) {
+  BundleProblem empty;
+  EXPECT_FALSE(adjustBundle(synthetic::camera(), {}, 5, &empty));
+  BundleWorld broken(0.0, 20, 0);
+  broken.problem.points[0].sights[2].sight.left_px.x() = std::nan("");
+  const Isometry3d before = broken.problem.frames[3].T_map_camera;
+  EXPECT_FALSE(adjustBundle(broken.camera, {}, 5, &broken.problem));
+  EXPECT_TRUE(broken.problem.frames[3].T_map_camera.isApprox(before, 0.0));
+}
+
+// --- The step in odom
+
+Matrix6d sigmas(double sigma_m, double sigma_rad) {
+  Vector6d variances;
+  variances << Vector3d::Constant(sigma_m * sigma_m), Vector3d::Constant(sigma_rad * sigma_rad);
+  return variances.asDiagonal();
+}
+
+TEST(LimitedStep, FollowsASmallCorrectionAtOnce) {
+  const Isometry3d measured = synthetic::transform({0.0, 0.1, 0.0}, {0.0, 0.0, 1.0});
+  const Isometry3d wanted = measured * synthetic::transform({0.0, 0.0, 0.001}, {0.01, 0.0, 0.0});
+  EXPECT_TRUE(limitedStep(measured, wanted, sigmas(0.01, 0.001), 3.0).isApprox(wanted, 1e-9));
+}
+
+TEST(LimitedStep, SpreadsALargeCorrection) {
+  const Isometry3d measured = synthetic::transform({0.0, 0.1, 0.0}, {0.0, 0.0, 1.0});
+  const Isometry3d wanted = measured * synthetic::transform(Vector3d::Zero(), {0.5, 0.0, 0.0});
+  const Isometry3d step = limitedStep(measured, wanted, sigmas(0.01, 0.001), 3.0);
+  EXPECT_NEAR((measured.inverse() * step).translation().norm(), 0.03, 1e-9);
+}
+
+// --- The odometry with and without landmarks: the tiled room
+
+using synthetic::frame;
+using synthetic::kFrames;
+using synthetic::kPeriodNs;
+using synthetic::stamped;
+
+TEST(MapOdometry, LandmarksAreFoundAgainAndBounded) {
+  Parameters parameters;
+  parameters.window.size = 2;
+  parameters.local_map.size = 1;
+  StereoOdometry odometry(synthetic::roomCamera(), parameters);
+  FrameResult result;
+  for (int k = 0; k < kFrames; ++k) {
+    result = odometry.process(frame(k));
+    EXPECT_LE(result.counts.keyframes, 3);
+  }
+  EXPECT_GT(result.counts.map_point_inliers, 20);
+  EXPECT_GT(result.counts.map_points, result.counts.map_point_inliers);
+}
+
+TEST(MapOdometry, WindowZeroHasNoLandmarks) {
+  Parameters parameters;
+  parameters.window.size = 0;
+  StereoOdometry odometry(synthetic::roomCamera(), parameters);
+  for (int k = 0; k < kFrames; ++k) {
+    const FrameResult result = odometry.process(frame(k));
+    EXPECT_EQ(result.counts.map_points + result.counts.map_lines + result.counts.keyframes, 0);
+  }
+}
+
+TEST(MapOdometry, OneThreadAndTwoGiveTheSameBits) {
+  Parameters parameters;
+  parameters.tracking.threads = 1;
+  StereoOdometry one(synthetic::roomCamera(), parameters);
+  parameters.tracking.threads = 2;
+  StereoOdometry two(synthetic::roomCamera(), parameters);
+  for (int k = 0; k < kFrames; ++k) {
+    const FrameResult a = one.process(frame(k));
+    const FrameResult b = two.process(frame(k));
+    EXPECT_EQ(a.T_odom_camera.matrix(), b.T_odom_camera.matrix()) << k;
+    EXPECT_EQ(a.pose_covariance, b.pose_covariance) << k;
+  }
+}
+
+/// The same place again and again, with noise of the sensor: the pose must not creep.
+TEST(MapOdometry, StandstillDoesNotCreep) {
+  StereoOdometry odometry(synthetic::roomCamera(), {});
+  synthetic::Random random(1);
+  const StereoImages still = frame(0);
+  FrameResult result;
+  for (int k = 0; k < 120; ++k) {
+    StereoImages noisy{still.left.clone(), still.right.clone(), (k + 1) * kPeriodNs};
+    for (cv::Mat* image : {&noisy.left, &noisy.right}) {
+      for (int y = 0; y < image->rows; ++y) {
+        for (int x = 0; x < image->cols; ++x) {
+          uchar& pixel = image->at<uchar>(y, x);
+          pixel = cv::saturate_cast<uchar>(pixel + random.normal(1.5));
+        }
+      }
+    }
+    result = odometry.process(noisy);
+    ASSERT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
+  }
+  EXPECT_LT(result.T_odom_camera.translation().norm(), 0.001);
+  EXPECT_LT(synthetic::logarithm(result.T_odom_camera.linear()).norm() * 180.0 / M_PI, 0.01);
+  EXPECT_LE(result.counts.keyframes, 3);
+}
+
+TEST(MapOdometry, AGapStartsANewMap) {
+  StereoOdometry odometry(synthetic::roomCamera(), {});
+  for (int k = 0; k < 4; ++k) odometry.process(frame(k));
+  odometry.process(stamped(frame(4), 4 * kPeriodNs + 1100000000));
+  const FrameResult next = odometry.process(stamped(frame(5), 5 * kPeriodNs + 1100000000));
+  EXPECT_EQ(next.counts.map_points, 0);
+  EXPECT_EQ(next.state, TrackingState::kOk);
+}
+
+}  // namespace
+}  // namespace point_line_odometry
