@@ -6,7 +6,7 @@ import re
 import unittest
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-CORE_FOLDERS = ["include", "src/common", "src/features", "src/matching", "src/geometry",
+CORE_FOLDERS = ["include", "src/common", "src/features", "src/map", "src/matching", "src/geometry",
                 "src/motion", "src/odometry", "src/dataset", "src/world"]
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 ROS = re.compile(r"^(ros|roscpp|rosbag|tf|tf2|tf2_\w+|\w+_msgs|\w+_srvs|cv_bridge|image_transport"

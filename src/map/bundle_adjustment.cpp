@@ -8,7 +8,7 @@
 
 #include <array>
 #include <deque>
-#include <memory>
+#include <vector>
 
 #include "motion/motion_cost.h"
 
@@ -142,9 +142,11 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
   problem_options.disable_all_safety_checks = true;
   ceres::Problem problem(problem_options);
   ceres::HuberLoss loss(parameters.huber_delta);
-  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  points.addTo(&problem, ordering.get(), &loss, camera, &poses);
-  lines.addTo(&problem, ordering.get(), &loss, camera, &poses);
+  ceres::Solver::Options options;
+  auto* ordering = new ceres::ParameterBlockOrdering;
+  options.linear_solver_ordering.reset(ordering);
+  points.addTo(&problem, ordering, &loss, camera, &poses);
+  lines.addTo(&problem, ordering, &loss, camera, &poses);
   if (problem.NumResidualBlocks() == 0) return false;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!problem.HasParameterBlock(poses[i].change.data())) continue;
@@ -152,9 +154,7 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
     ordering->AddElementToGroup(poses[i].change.data(), 1);
   }
 
-  ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.linear_solver_ordering = ordering;
   options.max_num_iterations = max_iterations;
   options.function_tolerance = kTolerance;
   options.num_threads = 1;
