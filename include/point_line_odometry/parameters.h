@@ -46,7 +46,7 @@ struct MotionParameters {
   bool fuse_rotation = false;
   double point_noise_px = 0.15;
   double image_noise = 2.5;
-  double line_noise_px = 0.15;
+  double line_noise_px = 0.08;
   double edge_noise_px = 0.45;
   double min_line_angle_deg = 5.0;
   double huber_delta = 1.5;
