@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "matching/closed_pairs.h"
 #include "matching/descriptor_distance.h"
 #include "matching/segment_grid.h"
 #include "point_line_odometry/matching.h"
@@ -205,13 +206,7 @@ std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
   const LineViews right_views = viewsOf(right);
   const std::vector<int> to_right = bestOnSameRows(left_views, right_views, 1, parameters);
   const std::vector<int> to_left = bestOnSameRows(right_views, left_views, -1, parameters);
-  std::vector<IndexPair> pairs;
-  for (std::size_t i = 0; i < to_right.size(); ++i) {
-    if (to_right[i] >= 0 && to_left[to_right[i]] == static_cast<int>(i)) {
-      pairs.push_back({static_cast<int>(i), to_right[i]});
-    }
-  }
-  return pairs;
+  return closedPairs(to_right, to_left);
 }
 
 std::optional<ExpectedLine> expectLine(const StereoCamera& camera, const Eigen::Vector3d& start,
@@ -248,12 +243,7 @@ std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expec
       bestNearExpected(expected_right, curr_right, radius_px, parameters);
   const std::vector<int> backward =
       bestNearExpected(curr_left, expected_left, radius_px, parameters);
-  std::vector<IndexPair> pairs;
-  for (std::size_t i = 0; i < forward.size(); ++i) {
-    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
-      pairs.push_back({static_cast<int>(i), forward[i]});
-  }
-  return pairs;
+  return closedPairs(forward, backward);
 }
 
 std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "matching/closed_pairs.h"
 #include "matching/point_grid.h"
 #include "point_line_odometry/matching.h"
 
@@ -151,12 +152,7 @@ std::vector<IndexPair> matchExpectedPoints(const std::vector<ExpectedPoint>& exp
   // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
   const std::vector<int> forward = bestInDiscs(from.right, seen.right, radius_px, parameters);
   const std::vector<int> backward = bestInDiscs(seen.left, from.left, radius_px, parameters);
-  std::vector<IndexPair> pairs;
-  for (std::size_t i = 0; i < forward.size(); ++i) {
-    if (forward[i] >= 0 && backward[forward[i]] == static_cast<int>(i))
-      pairs.push_back({static_cast<int>(i), forward[i]});
-  }
-  return pairs;
+  return closedPairs(forward, backward);
 }
 
 std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,

@@ -11,7 +11,9 @@ double pointSigma(const MotionParameters& parameters, std::optional<double> gain
   return scale * std::hypot(parameters.point_noise_px, added);
 }
 
-double lineSigma(const MotionParameters& parameters, double length_px) {
+double lineSigma(const MotionParameters& parameters, const LineSegment& left,
+                 const LineSegment& right) {
+  const double length_px = std::min(left.length(), right.length());
   return std::hypot(parameters.line_noise_px,
                     2.0 * parameters.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
 }
@@ -25,8 +27,7 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
   sight.left_end_px = left.end.cast<double>();
   sight.right_start_px = context.correction.apply(right.start.cast<double>());
   sight.right_end_px = context.correction.apply(right.end.cast<double>());
-  sight.sigma_px =
-      lineSigma(context.parameters.motion, std::min<double>(left.length(), right.length()));
+  sight.sigma_px = lineSigma(context.parameters.motion, left, right);
   return sight;
 }
 

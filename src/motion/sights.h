@@ -25,10 +25,12 @@ double pointSigma(const MotionParameters& parameters, std::optional<double> gain
 
 /// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise
 /// of the edge's pixels, of which there is about one for each pixel of length. The ends of a line
-/// fitted to n samples have twice their noise by the square root of n.
-double lineSigma(const MotionParameters& parameters, double length_px);
+/// fitted to n samples have twice their noise by the square root of n. Of a stereo pair the shorter
+/// segment counts.
+double lineSigma(const MotionParameters& parameters, const LineSegment& left,
+                 const LineSegment& right);
 
-/// A stereo line of a frame as a measurement; the noise is that of the shorter segment.
+/// A stereo line of a frame as a measurement.
 LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
                     const FrameContext& context);
 

@@ -109,8 +109,7 @@ void triangulateMatches(const StereoMatches& matches, const FrameContext& contex
     const LineSegment& left = features.lines_left[match.first].segment;
     const LineSegment right =
         corrected(features.lines_right[match.second].segment, context.correction);
-    const double sigma_px =
-        lineSigma(context.parameters.motion, std::min<double>(left.length(), right.length()));
+    const double sigma_px = lineSigma(context.parameters.motion, left, right);
     frame->lines.push_back({match.first, match.second,
                             triangulateLine(context.camera, left, right, sigma_px, limits)});
   }
