@@ -78,6 +78,7 @@ struct TrackingParameters {
   double max_prediction_s = 0.5;
   double max_speed_m_s = 60.0;
   double max_turn_rate_deg_s = 400.0;
+  bool standstill_hold = true;
   bool refine_calibration = true;
   int threads = 2;
 };
@@ -199,6 +200,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "faster estimates are rejected");
   visit("tracking/max_turn_rate_deg_s", p.tracking.max_turn_rate_deg_s, 1.0, 10000.0, "deg/s",
         "faster rotations are rejected");
+  visit("tracking/standstill_hold", p.tracking.standstill_hold,
+        "keep the published pose exactly still while all measured motion is within its noise");
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
         "estimate and correct a small smooth displacement of the right image against its "
         "calibration");

@@ -62,6 +62,9 @@ class PoseIntegrator {
   /// Along and about the axes of odom; since reset().
   Matrix6d covariance() const;
 
+  /// The part of it that the reference has handed on, without the scale's error.
+  const Matrix6d& referenceCovariance() const { return reference_covariance_; }
+
   /// The last measured velocity; none before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return velocity_; }
 

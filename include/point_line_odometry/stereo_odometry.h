@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "point_line_odometry/calibration_refinement.h"
@@ -33,7 +34,8 @@ enum class TrackingReason {
   kTooFewMatches,
   kSolverFailed,
   kTooFewInliers,
-  kTooFast
+  kTooFast,
+  kException  ///< something was thrown while the frame was processed; see FrameResult::error
 };
 
 const char* toString(TrackingState state);
@@ -114,7 +116,8 @@ struct FrameResult {
   TrackingState state = TrackingState::kInitializing;
   TrackingReason reason = TrackingReason::kFirstFrame;
   /// Pose of the rectified left camera in the frame in which it was at the first frame (or as set
-  /// by reset()). Always finite.
+  /// by reset()). Always finite. It never jumps: the error of a prediction, or a large correction
+  /// by the landmarks, is taken up by and by.
   Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
   Matrix6d pose_covariance =
       Matrix6d::Zero();  ///< of T_odom_camera, along and about the axes of odom
@@ -122,6 +125,7 @@ struct FrameResult {
   Vector6d twist = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double rms_px = 0.0;  ///< of the inliers' residuals
+  std::string error;    ///< text of the exception of kException
   FrameCounts counts;
   StageTimes times;
   std::vector<ObservedPoint> points;
@@ -146,7 +150,7 @@ class StereoOdometry {
   StereoOdometry& operator=(StereoOdometry&&) noexcept;
 
   /// Estimates the motion since the last frame and integrates it. Bad data gives a state and
-  /// reason, never an exception.
+  /// reason, never an exception, and so does whatever is thrown on the way.
   FrameResult process(const StereoImages& images);
 
   /// Forgets the past; the next frame is the first one, and has this pose.

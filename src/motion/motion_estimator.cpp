@@ -1,3 +1,4 @@
+#include <ceres/normal_prior.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -15,6 +16,11 @@ namespace {
 // Relative change of the cost at which the solver stops: before outliers are removed, and after.
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kFineTolerance = 1e-6;
+
+// How far a solution may lie from its start where the matches say nothing: along an axis that they
+// do not show, it would run away. Next to what they do say this is nothing.
+constexpr double kStartSigma_rad = 1.0;
+constexpr double kStartSigma_m = 1.0;
 
 /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
 /// amount to.
@@ -70,6 +76,11 @@ class MotionProblem {
     problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(problem_options);
     problem.AddResidualBlock(&cost, nullptr, motion.rotation.data(), motion.translation.data());
+    const ceres::Matrix identity = ceres::Matrix::Identity(3, 3);
+    ceres::NormalPrior near_rotation(identity / kStartSigma_rad, motion.rotation);
+    ceres::NormalPrior near_translation(identity / kStartSigma_m, motion.translation);
+    problem.AddResidualBlock(&near_rotation, nullptr, motion.rotation.data());
+    problem.AddResidualBlock(&near_translation, nullptr, motion.translation.data());
     if (solve_options.hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;

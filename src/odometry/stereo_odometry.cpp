@@ -9,10 +9,12 @@
 
 #include "map/bundle_adjustment.h"
 #include "map/local_map.h"
+#include "motion/camera_motion.h"
 #include "motion/sights.h"
 #include "odometry/correspondences.h"
 #include "odometry/parameter_checker.h"
 #include "odometry/stage_timer.h"
+#include "odometry/steady_pose.h"
 #include "odometry/uncertainty.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
@@ -100,6 +102,7 @@ class StereoOdometry::Impl {
     Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
   };
 
+  void track(const StereoImages& images, double dt_s, FrameResult* result);
   StereoFrame makeFrame(const FrameContext& context, StageTimes* times);
   Measurement measure(const StereoFrame& curr, const FrameContext& context,
                       StageTimes* times) const;
@@ -110,9 +113,12 @@ class StereoOdometry::Impl {
                            const MeasureTimes& times, ThreadPool* threads) const;
   void measureAgainstMap(const StereoFrame& curr, const FrameContext& context,
                          const MotionPrediction& prediction, Measurement* measurement) const;
+  MotionEstimate estimate(const Correspondences& matches, const Eigen::Isometry3d& T_curr_prev,
+                          const StereoFrame& prev, const StereoFrame& curr) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
   MotionPrediction predict(double dt_s) const;
   void integrate(const Measurement& measurement, std::int64_t stamp_ns, double dt_s);
+  void integratePrediction(std::int64_t stamp_ns, double dt_s);
   MotionStep stepOf(const Measurement& measurement) const;
   bool shouldBecomeReference(const StereoFrame& curr, const Measurement& measurement) const;
   void takeReference(StereoFrame curr, const FrameContext& context, const Measurement& measurement);
@@ -122,6 +128,7 @@ class StereoOdometry::Impl {
   void report(const StereoFrame& curr, const Measurement& measurement, FrameResult* result) const;
   void reportPose(FrameResult* result) const;
   FrameResult dropped(TrackingReason reason, FrameResult result) const;
+  void giveUp(const char* error, double dt_s, FrameResult* result);
   void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
   void startNewReference();
   void startNewMap();
@@ -140,6 +147,7 @@ class StereoOdometry::Impl {
   Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
   std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
   PoseIntegrator pose_;
+  SteadyPose output_;
   std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
 };
 
@@ -163,35 +171,42 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
     return dropped(TrackingReason::kStampNotNewer, std::move(result));
   }
   const double dt_s = last_stamp_ns_ ? seconds(images.stamp_ns - *last_stamp_ns_) : 0.0;
+  try {
+    track(images, dt_s, &result);
+  } catch (const std::exception& error) {
+    giveUp(error.what(), dt_s, &result);
+  }
+  result.times.total_ms = StageTimer::elapsedMs(begin);
+  return result;
+}
 
+void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameResult* result) {
   const RightImageCorrection correction = refinement_.correction();
   const FrameContext context{images, camera_, correction, parameters_};
-  StereoFrame curr = makeFrame(context, &result.times);
+  StereoFrame curr = makeFrame(context, &result->times);
   {
-    const StageTimer timer(&result.times, Stage::kWindow);
+    const StageTimer timer(&result->times, Stage::kWindow);
     finishWindow();
   }
   const bool gap = reference_ && dt_s > parameters_.tracking.max_frame_gap_s;
   Measurement measurement;
   measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kFirstFrame;
-  if (reference_ && !gap) measurement = measure(curr, context, &result.times);
-  report(curr, measurement, &result);
+  if (reference_ && !gap) measurement = measure(curr, context, &result->times);
+  report(curr, measurement, result);
   integrate(measurement, curr.stamp_ns, dt_s);
   last_stamp_ns_ = curr.stamp_ns;
-  reportPose(&result);
+  reportPose(result);
 
   // What the next frames will need.
   if (parameters_.tracking.refine_calibration) {
-    const StageTimer timer(&result.times, Stage::kRefine);
+    const StageTimer timer(&result->times, Stage::kRefine);
     refineCalibration(curr, measurement);
   }
   if (shouldBecomeReference(curr, measurement)) {
-    const StageTimer timer(&result.times, Stage::kLearn);
+    const StageTimer timer(&result->times, Stage::kLearn);
     takeReference(std::move(curr), context, measurement);
     startWindow();
   }
-  result.times.total_ms = StageTimer::elapsedMs(begin);
-  return result;
 }
 
 StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTimes* times) {
@@ -276,8 +291,7 @@ StereoOdometry::Impl::Measurement StereoOdometry::Impl::measureSince(
                                                       prediction.T_curr_prev, context, threads);
   }
   const StageTimer timer(times.times, times.estimate);
-  measurement.direct = estimateMotion(measurement.correspondences, camera_, prediction.T_curr_prev,
-                                      parameters_.motion);
+  measurement.direct = estimate(measurement.correspondences, prediction.T_curr_prev, earlier, curr);
   return measurement;
 }
 
@@ -298,14 +312,24 @@ void StereoOdometry::Impl::measureAgainstMap(const StereoFrame& curr, const Fram
     matches.points.insert(matches.points.end(), direct.points.begin(), direct.points.end());
     matches.lines.insert(matches.lines.end(), direct.lines.begin(), direct.lines.end());
   }
-  const MotionEstimate motion =
-      estimateMotion(matches, camera_, T_curr_reference, parameters_.motion);
+  const MotionEstimate motion = estimate(matches, T_curr_reference, *reference_, curr);
   if (motion.ok()) {
     measurement->motion = motion;
   } else {
     measurement->sights.points.clear();
     measurement->sights.lines.clear();
   }
+}
+
+/// Only a prediction from a velocity can tell the camera's motion from that of what it sees.
+MotionEstimate StereoOdometry::Impl::estimate(const Correspondences& matches,
+                                              const Eigen::Isometry3d& T_curr_prev,
+                                              const StereoFrame& prev,
+                                              const StereoFrame& curr) const {
+  const double dt_s = seconds(curr.stamp_ns - prev.stamp_ns);
+  return pose_.velocity()
+             ? estimateCameraMotion(matches, camera_, T_curr_prev, dt_s, parameters_.motion)
+             : estimateMotion(matches, camera_, T_curr_prev, parameters_.motion);
 }
 
 TrackingReason StereoOdometry::Impl::reasonOf(const MotionEstimate& motion, double dt_s) const {
@@ -332,12 +356,26 @@ void StereoOdometry::Impl::integrate(const Measurement& measurement, std::int64_
   if (measurement.reason == TrackingReason::kNone) {
     const double since_reference_s = seconds(stamp_ns - reference_->stamp_ns);
     pose_.addMeasurement(stepOf(measurement), since_reference_s, stamp_ns);
+    output_.followMeasured(pose_, dt_s, parameters_.tracking.standstill_hold);
     state_ = TrackingState::kOk;
   } else if (measurement.reason == TrackingReason::kFirstFrame) {
+    output_.followUnknown(pose_, dt_s);
     state_ = TrackingState::kInitializing;
   } else {
-    const bool moves = pose_.addPrediction(dt_s, stamp_ns, parameters_.tracking.max_prediction_s);
-    state_ = moves ? TrackingState::kDegraded : TrackingState::kLost;
+    integratePrediction(stamp_ns, dt_s);
+  }
+}
+
+/// After a gap the pose is kept, however long a prediction may last.
+void StereoOdometry::Impl::integratePrediction(std::int64_t stamp_ns, double dt_s) {
+  const TrackingParameters& tracking = parameters_.tracking;
+  const double max_s = dt_s > tracking.max_frame_gap_s ? 0.0 : tracking.max_prediction_s;
+  if (pose_.addPrediction(dt_s, stamp_ns, max_s)) {
+    output_.followPredicted(pose_, dt_s);
+    state_ = TrackingState::kDegraded;
+  } else {
+    output_.followUnknown(pose_, dt_s);
+    state_ = TrackingState::kLost;
   }
 }
 
@@ -444,9 +482,9 @@ void StereoOdometry::Impl::finishWindow() {
 
 void StereoOdometry::Impl::reportPose(FrameResult* result) const {
   result->state = state_;
-  result->T_odom_camera = pose_.T_odom_camera();
-  result->pose_covariance = pose_.covariance();
-  result->twist = pose_.twist();
+  result->T_odom_camera = output_.T_odom_camera();
+  result->pose_covariance = output_.covariance(pose_);
+  result->twist = output_.holds() ? Vector6d::Zero() : pose_.twist();
   result->twist_covariance = pose_.twistCovariance();
 }
 
@@ -454,6 +492,22 @@ FrameResult StereoOdometry::Impl::dropped(TrackingReason reason, FrameResult res
   result.reason = reason;
   reportPose(&result);
   return result;
+}
+
+/// Before the pose is integrated a frame has only been looked at, and the next one can be matched
+/// with the same reference; after that, what was to be learnt from it may be half done.
+void StereoOdometry::Impl::giveUp(const char* error, double dt_s, FrameResult* result) {
+  const bool integrated = last_stamp_ns_ == result->stamp_ns;
+  if (integrated) {
+    startNewReference();
+    state_ = TrackingState::kDegraded;
+  } else if (last_stamp_ns_) {
+    integratePrediction(result->stamp_ns, dt_s);
+  }
+  last_stamp_ns_ = result->stamp_ns;
+  result->reason = TrackingReason::kException;
+  result->error = error;
+  reportPose(result);
 }
 
 void StereoOdometry::Impl::report(const StereoFrame& curr, const Measurement& measurement,
@@ -486,6 +540,7 @@ void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
   last_stamp_ns_.reset();
   refinement_ = CalibrationRefinement(camera_);
   pose_.reset(T_odom_camera);
+  output_.reset(T_odom_camera);
   state_ = TrackingState::kInitializing;
   startNewReference();
 }

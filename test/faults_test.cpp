@@ -1,0 +1,505 @@
+/// The core under the faults that a robot meets: what it says of each, and that the pose it
+/// publishes stays continuous. Faults of messages are tested by nodelet_faults_test.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
+
+#include "failing_allocator.h"
+#include "odometry/uncertainty.h"
+#include "point_line_odometry/stereo_odometry.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using synthetic::kPeriodNs;
+using synthetic::logarithm;
+using synthetic::stamped;
+using synthetic::transform;
+
+constexpr double kPeriod_s = 1e-9 * kPeriodNs;
+const StereoCamera kCamera = synthetic::roomCamera();
+
+std::int64_t stampOf(int k) { return (k + 1) * kPeriodNs; }
+
+/// The room from a place, rendered once for each name.
+StereoImages room(const std::string& name, const Isometry3d& T_room_camera, int k) {
+  static std::map<std::string, StereoImages> rendered;
+  StereoImages& images = rendered[name];
+  if (images.left.empty()) images = synthetic::renderStereo(kCamera, T_room_camera, 0);
+  return stamped(images, stampOf(k));
+}
+
+/// Frame k of the drive of synthetic::truePose(), which goes on.
+StereoImages drive(int k) { return room("drive " + std::to_string(k), synthetic::truePose(k), k); }
+
+StereoImages uniform(int brightness, int k) {
+  const cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(brightness));
+  return {image, image, stampOf(k)};
+}
+
+bool allFinite(const FrameResult& result) {
+  return result.T_odom_camera.matrix().allFinite() && result.pose_covariance.allFinite() &&
+         result.twist.allFinite() && result.twist_covariance.allFinite() &&
+         std::isfinite(result.rms_px);
+}
+
+double distance(const Isometry3d& a, const Isometry3d& b) {
+  return (a.translation() - b.translation()).norm();
+}
+
+double angle(const Isometry3d& a, const Isometry3d& b) {
+  return logarithm(a.linear().transpose() * b.linear()).norm();
+}
+
+/// What a step of the pose has that the velocity does not explain [m], [rad].
+struct Jump {
+  double translation_m;
+  double rotation_rad;
+};
+
+Jump jump(const FrameResult& prev, const FrameResult& curr) {
+  const double dt_s = 1e-9 * static_cast<double>(curr.stamp_ns - prev.stamp_ns);
+  const Isometry3d expected = prev.T_odom_camera * motionAtVelocity(curr.twist, dt_s);
+  return {distance(expected, curr.T_odom_camera), angle(expected, curr.T_odom_camera)};
+}
+
+// --- Frames that show nothing
+
+struct BlindCase {
+  const char* name;
+  std::function<StereoImages(int)> image;
+};
+
+StereoImages blurred(int k) {
+  StereoImages images = drive(k);
+  for (cv::Mat* image : {&images.left, &images.right}) {
+    cv::GaussianBlur(image->clone(), *image, {}, 30.0);
+  }
+  return images;
+}
+
+StereoImages noise(int k) {
+  StereoImages images = uniform(0, k);
+  cv::RNG random(static_cast<std::uint64_t>(k));
+  for (cv::Mat* image : {&images.left, &images.right}) {
+    *image = image->clone();
+    random.fill(*image, cv::RNG::UNIFORM, 0, 256);
+  }
+  return images;
+}
+
+/// The lens of one camera is covered.
+StereoImages oneEyed(int k) {
+  StereoImages images = drive(k);
+  images.right = uniform(0, k).right;
+  return images;
+}
+
+class BlindTest : public ::testing::TestWithParam<BlindCase> {};
+
+/// DEGRADED for as long as a velocity is worth something, then LOST, and on without a jump when
+/// there is something to be seen again; the camera has moved on meanwhile.
+TEST_P(BlindTest, DegradesThenIsLostThenGoesOnWithoutAJump) {
+  constexpr int kDark = 6;
+  constexpr int kLight = 14;
+  constexpr int kEnd = 24;
+  StereoOdometry odometry(kCamera, {});
+  FrameResult last;
+  FrameResult first_in_light;
+  for (int k = 0; k < kEnd; ++k) {
+    const bool dark = k >= kDark && k < kLight;
+    const FrameResult result = odometry.process(dark ? GetParam().image(k) : drive(k));
+    ASSERT_TRUE(allFinite(result)) << k;
+    if (dark) {
+      const bool predicted = k < kDark + 5;  // tracking/max_prediction_s: 0.5
+      EXPECT_EQ(result.state, predicted ? TrackingState::kDegraded : TrackingState::kLost) << k;
+      EXPECT_NE(result.reason, TrackingReason::kNone);
+      EXPECT_GT(result.pose_covariance.trace(), last.pose_covariance.trace()) << k;
+      EXPECT_NEAR(distance(last.T_odom_camera, result.T_odom_camera), predicted ? 0.12 : 0.0, 0.02);
+    }
+    if (k > 0) {
+      EXPECT_LT(jump(last, result).translation_m, 0.06) << k;
+      EXPECT_LT(jump(last, result).rotation_rad, 0.015) << k;
+    }
+    if (k == kLight) first_in_light = result;
+    last = result;
+  }
+  EXPECT_EQ(last.state, TrackingState::kOk);
+  EXPECT_LT(distance(first_in_light.T_odom_camera.inverse() * last.T_odom_camera,
+                     synthetic::truePose(kLight).inverse() * synthetic::truePose(kEnd - 1)),
+            0.6)
+      << "it goes on measuring";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Faults, BlindTest,
+    ::testing::Values(BlindCase{"black", [](int k) { return uniform(0, k); }},
+                      BlindCase{"saturated", [](int k) { return uniform(255, k); }},
+                      BlindCase{"uniform", [](int k) { return uniform(128, k); }},
+                      BlindCase{"blurred", blurred}, BlindCase{"noise", noise},
+                      BlindCase{"one_eyed", oneEyed}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+/// What was wrongly predicted fades out: the camera has stopped in the dark.
+TEST(Faults, AWrongPredictionFadesOut) {
+  StereoOdometry odometry(kCamera, {});
+  FrameResult last;
+  for (int k = 0; k < 4; ++k) last = odometry.process(drive(k));
+  for (int k = 4; k < 8; ++k) last = odometry.process(uniform(0, k));
+  const Isometry3d truth = synthetic::truePose(4);
+  const double wrong_m = distance(last.T_odom_camera, truth);
+  ASSERT_GT(wrong_m, 0.3);
+  for (int k = 8; k < 80; ++k) {
+    const FrameResult result = odometry.process(stamped(drive(4), stampOf(k)));
+    ASSERT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+    EXPECT_LT(jump(last, result).translation_m, 0.02) << k;
+    const Vector3d error = result.T_odom_camera.translation() - truth.translation();
+    const Eigen::Matrix3d covariance = result.pose_covariance.topLeftCorner<3, 3>();
+    EXPECT_LT(error.dot(covariance.ldlt().solve(error)), 16.0) << "the covariance knows of it";
+    last = result;
+  }
+  EXPECT_LT(distance(last.T_odom_camera, truth), 0.02);
+  EXPECT_LT(angle(last.T_odom_camera, truth), 0.004);
+}
+
+// --- Frames that are missing
+
+struct GapCase {
+  const char* name;
+  double turn_before_rad;  // between frames, before the gap
+  double turn_in_gap_rad;  // over all of it
+};
+
+class DroppedFramesTest : public ::testing::TestWithParam<GapCase> {};
+
+/// Five periods pass between two frames. What turns steadily is found by the prediction scaled by
+/// the time, what begins to turn meanwhile by the wider search.
+TEST_P(DroppedFramesTest, IsBridged) {
+  const GapCase& fault = GetParam();
+  const auto turned = [](double angle_rad) { return transform({0, angle_rad, 0}, {0, 0, 0}); };
+  const auto view = [&](double angle_rad, int k) {
+    return room(fault.name + std::to_string(angle_rad), turned(angle_rad), k);
+  };
+  StereoOdometry odometry(kCamera, {});
+  const double start_rad = -3 * fault.turn_before_rad - 0.5 * fault.turn_in_gap_rad;
+  double angle_rad = start_rad;
+  for (int k = 0; k < 4; ++k, angle_rad += fault.turn_before_rad) {
+    const FrameResult result = odometry.process(view(angle_rad, k));
+    ASSERT_NE(result.state, TrackingState::kDegraded) << k << toString(result.reason);
+  }
+  angle_rad += fault.turn_in_gap_rad - fault.turn_before_rad;
+  const FrameResult result = odometry.process(view(angle_rad, 8));
+  EXPECT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+  EXPECT_LT(angle(result.T_odom_camera, turned(angle_rad - start_rad)), 0.005);
+  EXPECT_LT(result.T_odom_camera.translation().norm(), 0.03);
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, DroppedFramesTest,
+                         ::testing::Values(GapCase{"steady", 0.1, 0.5},
+                                           GapCase{"begins", 0.0, 0.2}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+/// However long a prediction may last.
+TEST(Faults, AGapKeepsThePose) {
+  for (const double max_prediction_s : {0.5, 10.0}) {
+    Parameters parameters;
+    parameters.tracking.max_prediction_s = max_prediction_s;
+    StereoOdometry odometry(kCamera, parameters);
+    FrameResult before;
+    for (int k = 0; k < 4; ++k) before = odometry.process(drive(k));
+    const FrameResult gap = odometry.process(drive(15));
+    EXPECT_EQ(gap.reason, TrackingReason::kFrameGap);
+    EXPECT_EQ(gap.state, TrackingState::kLost);
+    EXPECT_EQ(gap.T_odom_camera.matrix(), before.T_odom_camera.matrix());
+    EXPECT_GT(gap.pose_covariance.trace(), 10.0 * before.pose_covariance.trace());
+    const FrameResult next = odometry.process(drive(16));
+    EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+    EXPECT_LT(jump(gap, next).translation_m, 0.01);
+    EXPECT_GT(next.pose_covariance.trace(), 10.0 * before.pose_covariance.trace());
+  }
+}
+
+// --- Motions that cannot be
+
+/// Everything is rejected, so the state goes the same way as in the dark.
+TEST(Faults, FasterThanAnythingIsRejected) {
+  Parameters parameters;
+  StereoOdometry odometry(kCamera, parameters);
+  FrameResult last;
+  for (int k = 0; k < 4; ++k) last = odometry.process(drive(k));
+  parameters.tracking.max_speed_m_s = 1.0;  // the camera moves at 1.2
+  odometry.setParameters(parameters);
+  odometry.process(drive(4));
+  for (int k = 5; k < 12; ++k) {
+    const FrameResult result = odometry.process(drive(k));
+    EXPECT_EQ(result.reason, TrackingReason::kTooFast) << k;
+    EXPECT_NE(result.state, TrackingState::kOk);
+    EXPECT_LT(jump(last, result).translation_m, 0.15) << "never what was measured";
+    last = result;
+  }
+}
+
+// --- What the images do not tell
+
+/// A wall across the view, with the brightness of `shade(x, y)` [m].
+StereoImages wall(double depth_m, double right_m,
+                  const std::function<double(double, double)>& shade, int k) {
+  constexpr int kRays = 5;
+  StereoImages images = uniform(0, k);
+  for (const bool left : {true, false}) {
+    cv::Mat image(kCamera.height, kCamera.width, CV_8UC1);
+    const double x0 = right_m + (left ? 0.0 : kCamera.baseline_m);
+    for (int v = 0; v < image.rows; ++v) {
+      for (int u = 0; u < image.cols; ++u) {
+        double sum = 0.0;
+        for (int ray = 0; ray < kRays; ++ray) {
+          const double x = u - 0.5 + (ray + 0.5) / kRays;
+          sum += shade(x0 + depth_m * (x - kCamera.cx) / kCamera.fx,
+                       depth_m * (v - kCamera.cy) / kCamera.fy);
+        }
+        image.at<uchar>(v, u) = cv::saturate_cast<uchar>(sum / kRays);
+      }
+    }
+    (left ? images.left : images.right) = image;
+  }
+  return images;
+}
+
+double tiles(double tile_m, double x, double y) {
+  return synthetic::tileBrightness(1, static_cast<int>(std::floor(x / tile_m)),
+                                   static_cast<int>(std::floor(y / tile_m)));
+}
+
+/// Covariance of the last frame's velocity, of a camera that moves to the right along a wall.
+Matrix6d velocityCovariance(double depth_m, const std::function<double(double, double)>& shade) {
+  Parameters parameters;
+  parameters.matching.search_radius_without_velocity_px = 15.0;  // stripes look alike
+  StereoOdometry odometry(kCamera, parameters);
+  FrameResult result;
+  for (int k = 0; k < 4; ++k) {
+    result = odometry.process(wall(depth_m, 0.02 * k, shade, k));
+    EXPECT_TRUE(allFinite(result)) << k;
+  }
+  EXPECT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+  return result.twist_covariance;
+}
+
+TEST(Faults, OneDirectionOfLinesLeavesItsAxisWeak) {
+  const Matrix6d covariance =
+      velocityCovariance(5.0, [](double x, double) { return tiles(0.3, x, 0.0); });
+  EXPECT_GT(covariance(1, 1), 1e4 * covariance(0, 0)) << "vertical lines do not show y";
+}
+
+TEST(Faults, FarPointsLeaveTheTranslationWeak) {
+  const auto deviation = [](double depth_m) {
+    const auto shade = [&](double x, double y) { return tiles(0.06 * depth_m, x, y); };
+    const Matrix6d covariance = velocityCovariance(depth_m, shade);
+    return Eigen::Vector2d(std::sqrt(covariance.topLeftCorner<3, 3>().trace()),
+                           std::sqrt(covariance(3, 3)));
+  };
+  const Eigen::Vector2d near = deviation(4.0);
+  const Eigen::Vector2d far = deviation(40.0);
+  EXPECT_GT(far[0], 5.0 * near[0]);
+  EXPECT_LT(far[1], 3.0 * near[1]) << "turns are seen from far as well";
+}
+
+/// Seventy percent of the view are taken by something that begins to move to the right.
+TEST(Faults, MostOfTheViewMoves) {
+  constexpr int kBegin = 4;
+  const auto view = [](int k) {
+    const double moved_m = 0.1 * std::max(0, k - kBegin + 1);
+    StereoImages images = drive(k);
+    const StereoImages other =
+        room("passing " + std::to_string(k),
+             synthetic::truePose(k) * transform(Vector3d::Zero(), {-moved_m, 0.0, 0.0}), k);
+    const cv::Rect passing(0, 0, 7 * kCamera.width / 10, kCamera.height);
+    for (const auto& [to, from] :
+         {std::make_pair(&images.left, &other.left), std::make_pair(&images.right, &other.right)}) {
+      *to = to->clone();
+      (*from)(passing).copyTo((*to)(passing));
+    }
+    return images;
+  };
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 9; ++k) {
+    const FrameResult result = odometry.process(view(k));
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(k)), 0.04) << k;
+    EXPECT_LT(angle(result.T_odom_camera, synthetic::truePose(k)), 0.008) << k;
+    if (k < kBegin) continue;
+    EXPECT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+    EXPECT_LT(result.counts.point_inliers, 0.5 * result.counts.point_matches) << "and it is told";
+  }
+}
+
+/// The right camera hangs 1.8 px low: points tell.
+TEST(Faults, RowsThatDifferShowInTheMatches) {
+  Parameters parameters;
+  parameters.tracking.refine_calibration = false;
+  StereoOdometry odometry(kCamera, parameters);
+  FrameResult result;
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = drive(k);
+    const cv::Matx23d down(1.0, 0.0, 0.0, 0.0, 1.0, 1.8);
+    cv::warpAffine(images.right.clone(), images.right, down, images.right.size());
+    result = odometry.process(images);
+  }
+  ASSERT_GT(result.points.size(), 20U);
+  std::vector<float> rows;
+  for (const ObservedPoint& point : result.points) {
+    rows.push_back(point.right_px.y() - point.left_px.y());
+  }
+  std::nth_element(rows.begin(), rows.begin() + rows.size() / 2, rows.end());
+  EXPECT_NEAR(rows[rows.size() / 2], 1.8, 0.3);
+}
+
+// --- Standing
+
+StereoImages noisy(StereoImages images, double sigma) {
+  synthetic::Random random(static_cast<unsigned>(images.stamp_ns / kPeriodNs));
+  for (cv::Mat* image : {&images.left, &images.right}) {
+    *image = image->clone();
+    for (auto pixel = image->begin<uchar>(); pixel != image->end<uchar>(); ++pixel) {
+      *pixel = cv::saturate_cast<uchar>(*pixel + random.normal(sigma));
+    }
+  }
+  return images;
+}
+
+class StandstillTest : public ::testing::TestWithParam<int> {
+ protected:
+  static Parameters parameters() {
+    Parameters parameters;
+    parameters.window.size = GetParam();
+    return parameters;
+  }
+};
+
+TEST_P(StandstillTest, NotABitMoves) {
+  StereoOdometry odometry(kCamera, parameters());
+  FrameResult rest;
+  for (int k = 0; k < 100; ++k) {
+    const FrameResult result = odometry.process(noisy(stamped(drive(0), stampOf(k)), 2.0));
+    if (k == 10) rest = result;
+    if (k < 10) continue;
+    ASSERT_EQ(result.T_odom_camera.matrix(), rest.T_odom_camera.matrix()) << k;
+    EXPECT_TRUE(result.twist.isZero(0.0)) << k;
+    EXPECT_GT(result.twist_covariance.trace(), 0.0) << "nothing is known exactly";
+  }
+  EXPECT_LT(rest.T_odom_camera.translation().norm(), 0.002);
+}
+
+TEST_P(StandstillTest, StopsStandsAndGoesOn) {
+  StereoOdometry odometry(kCamera, parameters());
+  FrameResult last;
+  for (int k = 0; k < 30; ++k) {
+    const int place = std::min(k, 3) + std::max(0, k - 25);
+    const FrameResult result = odometry.process(noisy(stamped(drive(place), stampOf(k)), 2.0));
+    if (k >= 12 && k <= 25) {
+      EXPECT_EQ(result.T_odom_camera.matrix(), last.T_odom_camera.matrix()) << k;
+    }
+    if (k > 0) {
+      EXPECT_LT(jump(last, result).translation_m, 0.005) << k;
+    }
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(place)), 0.02) << k;
+    last = result;
+  }
+}
+
+/// The motion from one frame to the next is within its noise. It adds up nevertheless; without
+/// landmarks noise adds up as well.
+TEST_P(StandstillTest, CreepingIsNotSwallowed) {
+  const double step_m = GetParam() > 0 ? 0.0003 : 0.002;
+  const double noise_m = GetParam() > 0 ? 0.007 : 0.04;
+  StereoOdometry odometry(kCamera, parameters());
+  FrameResult last;
+  for (int k = 0; k < 60; ++k) {
+    const Isometry3d truth = transform(Vector3d::Zero(), {0.0, 0.0, step_m * k});
+    const FrameResult result =
+        odometry.process(noisy(room("creep " + std::to_string(step_m * k), truth, k), 2.0));
+    EXPECT_LT(distance(result.T_odom_camera, truth), noise_m) << k;
+    if (k > 0) {
+      EXPECT_LT(jump(last, result).translation_m, 0.012) << k;
+    }
+    last = result;
+  }
+  EXPECT_GT(last.T_odom_camera.translation().z(), 0.6 * step_m * 59);
+}
+
+TEST_P(StandstillTest, CanBeSwitchedOff) {
+  Parameters off = parameters();
+  off.tracking.standstill_hold = false;
+  StereoOdometry odometry(kCamera, off);
+  FrameResult last;
+  for (int k = 0; k < 15; ++k) {
+    const FrameResult result = odometry.process(noisy(stamped(drive(0), stampOf(k)), 2.0));
+    if (k > 0) {
+      EXPECT_NE(result.T_odom_camera.matrix(), last.T_odom_camera.matrix()) << k;
+    }
+    last = result;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, StandstillTest, ::testing::Values(5, 0), [](const auto& info) {
+  return info.param == 0 ? std::string("frame_to_frame") : std::string("landmarks");
+});
+
+// --- Exceptions
+
+/// Wherever memory runs out in a frame, the frame is predicted and the next ones are as good as
+/// ever.
+TEST(Faults, ExceptionsDegradeAFrameAndNoMore) {
+  int failures = 0;
+  for (int last = 0;; last = last * 3 / 2 + 1) {
+    StereoOdometry odometry(kCamera, {});
+    FrameResult before;
+    for (int k = 0; k < 4; ++k) before = odometry.process(drive(k));
+    const StereoImages images = drive(4);
+    FrameResult result;
+    bool failed = false;
+    {
+      const FailingAllocator allocator(last);
+      ASSERT_NO_THROW(result = odometry.process(images)) << last;
+      failed = allocator.hasFailed();
+    }
+    if (!failed) break;
+    ++failures;
+    EXPECT_EQ(result.state, TrackingState::kDegraded) << last;
+    EXPECT_EQ(result.reason, TrackingReason::kException) << last;
+    EXPECT_FALSE(result.error.empty());
+    EXPECT_TRUE(result.accepted() && allFinite(result));
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(4)), 0.02) << last;
+    FrameResult next;
+    for (int k = 5; k < 8; ++k) next = odometry.process(drive(k));
+    EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+    EXPECT_LT(distance(before.T_odom_camera, next.T_odom_camera), 0.52);
+  }
+  EXPECT_GT(failures, 3);
+}
+
+TEST(Faults, AnExceptionInTheFirstFrameStartsWithTheNext) {
+  StereoOdometry odometry(kCamera, {});
+  const StereoImages images = drive(0);
+  {
+    const FailingAllocator allocator(0);
+    const FrameResult result = odometry.process(images);
+    EXPECT_EQ(result.reason, TrackingReason::kException);
+    EXPECT_TRUE(allFinite(result));
+  }
+  EXPECT_EQ(odometry.process(drive(1)).reason, TrackingReason::kFirstFrame);
+  EXPECT_EQ(odometry.process(drive(2)).state, TrackingState::kOk);
+}
+
+}  // namespace
+}  // namespace point_line_odometry
