@@ -209,6 +209,20 @@ TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
   }
 }
 
+TEST(FrameProcessor, ALateFrameIsNoJumpOfTheClock) {
+  for (const std::string policy : {"reset", "keep_pose", "ignore"}) {
+    AllParameters parameters = startAt(1.0, 0.0);
+    parameters.node.on_time_jump = policy;
+    FrameProcessor processor(parameters);
+    processor.process(makeMessages(20.0), mounting());
+    processor.process(makeMessages(21.0), mounting());
+    const ProcessedFrame late = processor.process(makeMessages(20.1), mounting());
+    EXPECT_EQ(late.result.reason, TrackingReason::kStampNotNewer) << policy;
+    EXPECT_FALSE(processor.startedAnew()) << policy;
+    EXPECT_EQ(processor.process(makeMessages(21.1), mounting()).result.accepted(), true) << policy;
+  }
+}
+
 TEST(FrameProcessor, UndoesTheRectifyingRotation) {
   AllParameters parameters;
   parameters.node.rectify = true;
@@ -310,6 +324,7 @@ TEST(LatencyMs, IsZeroWhereTheClockCannotTell) {
   EXPECT_DOUBLE_EQ(latencyMs(ros::Time(10.0), ros::Time(10.5)), 500.0);
   EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(9.0)), 0.0);
   EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(1e9)), 0.0);
+  EXPECT_EQ(latencyMs(ros::Time(4294967295U, 0), ros::Time(10.0)), 0.0);
 }
 
 }  // namespace

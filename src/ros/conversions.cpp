@@ -168,6 +168,13 @@ CameraCalibration toCalibration(const sensor_msgs::CameraInfo& info) {
   return camera;
 }
 
+/// A field that is not used may hold NaN: the same NaN is no change.
+template <typename Numbers>
+bool sameNumbers(const Numbers& a, const Numbers& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); });
+}
+
 Eigen::Isometry3d isometry(const Eigen::Vector3d& translation, const Eigen::Quaterniond& rotation) {
   constexpr double kNormTolerance = 0.01;
   if (!translation.allFinite() || !rotation.coeffs().allFinite()) {
@@ -244,10 +251,10 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration,
 
 bool sameCalibration(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b) {
   return a.width == b.width && a.height == b.height && a.distortion_model == b.distortion_model &&
-         a.D == b.D && a.K == b.K && a.R == b.R && a.P == b.P && a.binning_x == b.binning_x &&
-         a.binning_y == b.binning_y && a.roi.x_offset == b.roi.x_offset &&
-         a.roi.y_offset == b.roi.y_offset && a.roi.width == b.roi.width &&
-         a.roi.height == b.roi.height;
+         sameNumbers(a.D, b.D) && sameNumbers(a.K, b.K) && sameNumbers(a.R, b.R) &&
+         sameNumbers(a.P, b.P) && a.binning_x == b.binning_x && a.binning_y == b.binning_y &&
+         a.roi.x_offset == b.roi.x_offset && a.roi.y_offset == b.roi.y_offset &&
+         a.roi.width == b.roi.width && a.roi.height == b.roi.height;
 }
 
 std::string withoutLeadingSlash(const std::string& frame_id) {

@@ -252,7 +252,8 @@ sensor_msgs::ImagePtr toFeaturesImage(const ProcessedFrame& frame) {
 
 double latencyMs(const ros::Time& stamp, const ros::Time& now) {
   constexpr double kLongestS = 60.0;
-  const double latency_s = (now - stamp).toSec();
+  // A difference of ros::Times that is too long for a ros::Duration throws.
+  const double latency_s = now.toSec() - stamp.toSec();
   return latency_s >= 0.0 && latency_s <= kLongestS ? 1e3 * latency_s : 0.0;
 }
 

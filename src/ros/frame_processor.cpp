@@ -83,9 +83,12 @@ FrameProcessor::Calibration FrameProcessor::makeCalibration(const StereoMessages
   return calibration;
 }
 
+/// A stamp that is older by no more than a gap between frames is one of a frame that comes late;
+/// the core drops it.
 void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
-  if (!last_stamp_ns_ || stamp_ns >= *last_stamp_ns_) return;
-  if (parameters_.node.on_time_jump == "ignore") return;  // the core drops the frame
+  if (!last_stamp_ns_ || parameters_.node.on_time_jump == "ignore") return;
+  const double back_s = 1e-9 * static_cast<double>(*last_stamp_ns_ - stamp_ns);
+  if (back_s <= kMaxLateness_s) return;
   started_anew_ = parameters_.node.on_time_jump == "reset";
   reset(started_anew_ ? initialPose(parameters_.node) : T_odom_base_);
 }

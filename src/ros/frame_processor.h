@@ -14,6 +14,10 @@
 
 namespace point_line_odometry {
 
+/// A stamp older by up to so much is that of a message that comes late; by more, the clock has
+/// jumped back [s].
+constexpr double kMaxLateness_s = 1.0;
+
 /// One synchronised set of input messages.
 struct StereoMessages {
   sensor_msgs::ImageConstPtr left;

@@ -144,6 +144,11 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   }
   const double latency_ms = latencyMs(frame.header.stamp, ros::Time::now());
   diagnostics_->noteFrame(frame, latency_ms);
+  if (frame.result.reason == TrackingReason::kException) {
+    diagnostics_->noteException(frame.result.error);
+    NODELET_ERROR_THROTTLE(kWarnPeriodS, "motion predicted after an exception: %s",
+                           frame.result.error.c_str());
+  }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
 }
 

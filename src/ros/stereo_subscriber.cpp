@@ -5,11 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <sstream>
 #include <utility>
 
 namespace point_line_odometry {
 namespace {
+
+/// So many may have been on their way when everything stopped.
+constexpr std::uint64_t kFewMessages = 3;
 
 std::string imageName(const NodeParameters& parameters) {
   return parameters.rectify ? "image_raw" : "image_rect";
@@ -70,10 +74,24 @@ void StereoSubscriber::makeSynchronizer() {
   }
 }
 
+/// An exception that left a callback would end every nodelet of the manager; differences of stamps
+/// that are too long for a ros::Duration throw.
 template <int topic, typename Message>
 void StereoSubscriber::arrived(const boost::shared_ptr<const Message>& message) {
   const bool jumped_back = noteArrival(topic, message->header.stamp);
-  if (jumped_back) makeSynchronizer();
+  try {
+    if (jumped_back) makeSynchronizer();
+    synchronise<topic>(message);
+  } catch (const std::exception& error) {
+    ROS_ERROR_THROTTLE(5.0,
+                       "images and camera_infos that waited for their partners are dropped: %s",
+                       error.what());
+    makeSynchronizer();
+  }
+}
+
+template <int topic, typename Message>
+void StereoSubscriber::synchronise(const boost::shared_ptr<const Message>& message) {
   if (exact_) {
     exact_->template add<topic>(message);
   } else {
@@ -86,7 +104,8 @@ bool StereoSubscriber::noteArrival(std::size_t topic, const ros::Time& stamp) {
   const std::lock_guard<std::mutex> lock(mutex_);
   Arrivals& arrivals = arrivals_[topic];
   ++arrivals.count;
-  const bool jumped_back = stamp < arrivals.last_stamp;
+  ++arrivals.since_set;
+  const bool jumped_back = arrivals.last_stamp.toSec() - stamp.toSec() > kMaxLateness_s;
   if (jumped_back) {
     for (Arrivals& other : arrivals_) other.last_stamp = ros::Time();
   }
@@ -101,6 +120,7 @@ void StereoSubscriber::completed(const sensor_msgs::ImageConstPtr& left,
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     ++num_sets_;
+    for (Arrivals& topic : arrivals_) topic.since_set = 0;
     last_set_ = ros::WallTime::now();
   }
   callback_({left, right, left_info, right_info});
@@ -122,23 +142,39 @@ std::uint64_t StereoSubscriber::numUnpaired() const {
   return images > num_sets_ ? images - num_sets_ : 0;
 }
 
+/// Topics that nothing comes on while it does on others, or has ever come on.
+std::string StereoSubscriber::silentTopics() const {
+  std::string silent;
+  for (const Arrivals& topic : arrivals_) {
+    const bool stopped = topic.since_set == 0 && mostSinceSet() >= kFewMessages;
+    if (topic.count == 0 || stopped) silent += (silent.empty() ? "" : " and ") + topic.name;
+  }
+  return silent;
+}
+
+/// Messages of the liveliest topic since the last complete set.
+std::uint64_t StereoSubscriber::mostSinceSet() const {
+  std::uint64_t most = 0;
+  for (const Arrivals& topic : arrivals_) most = std::max(most, topic.since_set);
+  return most;
+}
+
 std::string StereoSubscriber::explainSilence() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   std::ostringstream text;
   text.precision(3);
-  std::string missing;
   text << "messages so far:";
-  for (const Arrivals& topic : arrivals_) {
-    text << " " << topic.name << " " << topic.count << ",";
-    if (topic.count == 0) missing += (missing.empty() ? "" : " and ") + topic.name;
-  }
+  for (const Arrivals& topic : arrivals_) text << " " << topic.name << " " << topic.count << ",";
+  const std::string missing = silentTopics();
+  const bool all_stopped = num_sets_ > 0 && missing.empty() && mostSinceSet() < kFewMessages;
   text << " synchronised sets " << num_sets_ << "; ";
   const double skew_s = std::abs(arrivals_[kLeftImage].last_stamp.toSec() -
                                  arrivals_[kRightImage].last_stamp.toSec());
   if (!missing.empty()) {
     text << "nothing arrives on " << missing
-         << ": check that it is published and that the names are remapped to it";
-  } else if (num_sets_ > 0) {
+         << (num_sets_ > 0 ? " any more: check the camera and its driver"
+                           : ": check that it is published and that the names are remapped to it");
+  } else if (all_stopped) {
     text << "the camera has stopped publishing, or the bag is paused or has ended";
   } else if (parameters_.approximate_sync) {
     text << "latest stamps of left and right differ by " << skew_s

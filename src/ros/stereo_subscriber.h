@@ -58,7 +58,8 @@ class StereoSubscriber {
   struct Arrivals {
     std::string name;
     std::uint64_t count = 0;
-    ros::Time last_stamp;  // zero: none since the last jump of the clock
+    std::uint64_t since_set = 0;  // of count, after the last complete set
+    ros::Time last_stamp;         // zero: none since the last jump of the clock
   };
 
   using Image = sensor_msgs::Image;
@@ -70,7 +71,11 @@ class StereoSubscriber {
   void makeSynchronizer();
   template <int topic, typename Message>
   void arrived(const boost::shared_ptr<const Message>& message);
+  template <int topic, typename Message>
+  void synchronise(const boost::shared_ptr<const Message>& message);
   bool noteArrival(std::size_t topic, const ros::Time& stamp);
+  std::string silentTopics() const;
+  std::uint64_t mostSinceSet() const;
   void completed(const sensor_msgs::ImageConstPtr& left, const sensor_msgs::ImageConstPtr& right,
                  const sensor_msgs::CameraInfoConstPtr& left_info,
                  const sensor_msgs::CameraInfoConstPtr& right_info);
