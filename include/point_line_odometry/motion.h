@@ -75,6 +75,14 @@ MotionEstimate estimateMotion(const Correspondences& correspondences, const Ster
                               const Eigen::Isometry3d& T_curr_prev_initial,
                               const MotionParameters& parameters);
 
+/// The same from those matches alone that are seen where the prediction puts them: where most of
+/// the view moves on its own, a vehicle in front of the camera, they may be few, but they are the
+/// world. \param T_curr_prev_predicted from a velocity that was measured.
+MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
+                                            const StereoCamera& camera,
+                                            const Eigen::Isometry3d& T_curr_prev_predicted,
+                                            const MotionParameters& parameters);
+
 /// Fuses the rotation of `direct` (k-1 -> k) with that of the two-frame estimate by slerp at one
 /// half (paper, eq. 9-10) and solves for the translation again with the rotation held. \param
 /// T_curr_prev2 estimate over two frames, k-2 -> k. \param T_prev_prev2 estimate k-2 -> k-1.

@@ -22,6 +22,9 @@ constexpr double kFineTolerance = 1e-6;
 constexpr double kStartSigma_rad = 1.0;
 constexpr double kStartSigma_m = 1.0;
 
+// Matches so near to a prediction are where it puts them.
+constexpr double kPredictedPx = 2.0;
+
 /// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
 /// amount to.
 struct Statistics {
@@ -54,6 +57,12 @@ class MotionProblem {
   void selectInliers(const Eigen::Isometry3d& T_curr_prev) {
     points_.selectInliers(T_curr_prev, parameters_.outlier_threshold);
     lines_.selectInliers(T_curr_prev, parameters_.outlier_threshold);
+  }
+
+  /// Takes the matches that are seen within a distance from where a motion puts them.
+  void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
+    points_.selectNear(T_curr_prev, max_distance_px);
+    lines_.selectNear(T_curr_prev, max_distance_px);
   }
 
   struct Solution {
@@ -170,6 +179,26 @@ MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isom
   return estimate;
 }
 
+/// Solves with the matches that take part, removes outliers, and solves again.
+template <ResidualImages kImages>
+MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters& parameters,
+                          MotionProblem<kImages>* problem) {
+  const int matches = problem->numPoints() + problem->numLines();
+  if (matches < parameters.min_matches) return failed(MotionStatus::kTooFewMatches, *problem, 0);
+  const auto first = problem->solve(start, {false, kCoarseTolerance});
+  if (!first.usable) return failed(MotionStatus::kSolverFailed, *problem, first.iterations);
+  problem->linearizeWeights(first.T_curr_prev);
+  problem->selectInliers(first.T_curr_prev);
+  const int inliers = problem->numPoints() + problem->numLines();
+  if (inliers < parameters.min_inliers || inliers < parameters.min_inlier_ratio * matches) {
+    return failed(MotionStatus::kTooFewInliers, *problem, first.iterations);
+  }
+  const auto second = problem->solve(first.T_curr_prev, {false, kFineTolerance});
+  const int iterations = first.iterations + second.iterations;
+  if (!second.usable) return failed(MotionStatus::kSolverFailed, *problem, iterations);
+  return finished(*problem, second.T_curr_prev, iterations);
+}
+
 /// The estimator for the images that give residuals.
 template <ResidualImages kImages>
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
@@ -177,21 +206,18 @@ MotionEstimate estimate(const Correspondences& correspondences, const StereoCame
                         const MotionParameters& parameters) {
   MotionProblem<kImages> problem(correspondences, camera, parameters);
   problem.linearizeWeights(T_curr_prev_initial);
-  const int matches = problem.numPoints() + problem.numLines();
-  if (matches < parameters.min_matches) return failed(MotionStatus::kTooFewMatches, problem, 0);
+  return solveTwice(T_curr_prev_initial, parameters, &problem);
+}
 
-  const auto first = problem.solve(T_curr_prev_initial, {false, kCoarseTolerance});
-  if (!first.usable) return failed(MotionStatus::kSolverFailed, problem, first.iterations);
-  problem.linearizeWeights(first.T_curr_prev);
-  problem.selectInliers(first.T_curr_prev);
-  const int inliers = problem.numPoints() + problem.numLines();
-  if (inliers < parameters.min_inliers || inliers < parameters.min_inlier_ratio * matches) {
-    return failed(MotionStatus::kTooFewInliers, problem, first.iterations);
-  }
-  const auto second = problem.solve(first.T_curr_prev, {false, kFineTolerance});
-  const int iterations = first.iterations + second.iterations;
-  if (!second.usable) return failed(MotionStatus::kSolverFailed, problem, iterations);
-  return finished(problem, second.T_curr_prev, iterations);
+/// See estimateMotionNearPrediction().
+template <ResidualImages kImages>
+MotionEstimate estimateNear(const Correspondences& correspondences, const StereoCamera& camera,
+                            const Eigen::Isometry3d& T_predicted,
+                            const MotionParameters& parameters) {
+  MotionProblem<kImages> problem(correspondences, camera, parameters);
+  problem.linearizeWeights(T_predicted);
+  problem.selectNear(T_predicted, kPredictedPx);
+  return solveTwice(T_predicted, parameters, &problem);
 }
 
 /// Solves for the translation at a rotation that is held; `direct` if that fails.
@@ -235,6 +261,15 @@ MotionEstimate estimateMotion(const Correspondences& correspondences, const Ster
   const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
                                                     : estimate<ResidualImages::kLeft>;
   return estimator(correspondences, camera, T_curr_prev_initial, parameters);
+}
+
+MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
+                                            const StereoCamera& camera,
+                                            const Eigen::Isometry3d& T_curr_prev_predicted,
+                                            const MotionParameters& parameters) {
+  const auto estimator = usesBothImages(parameters) ? estimateNear<ResidualImages::kBoth>
+                                                    : estimateNear<ResidualImages::kLeft>;
+  return estimator(correspondences, camera, T_curr_prev_predicted, parameters);
 }
 
 MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,

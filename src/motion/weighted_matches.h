@@ -51,6 +51,16 @@ class WeightedMatches {
     }
   }
 
+  /// Takes the matches whose residual's coordinates are within a distance, and no others.
+  void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!weighted_[i]) continue;
+      const Residual residual(matches_[i], camera_, T_curr_prev);
+      active_[i] =
+          residual.valid && residual.value.template lpNorm<Eigen::Infinity>() <= max_distance_px;
+    }
+  }
+
   /// Calls visit(residual, weight) for each match that takes part; false as soon as a residual is
   /// not valid.
   template <typename Visit>

@@ -41,6 +41,15 @@ constexpr double kLastingOfNew = 6.0;
 
 double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
+/// Appends the matches of one kind that agree with a motion; all of them if there is none.
+template <typename Correspondence>
+void appendMatches(const std::vector<Correspondence>& matches, const MotionEstimate& motion,
+                   const std::vector<bool>& inliers, std::vector<Correspondence>* list) {
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (!motion.ok() || inliers[i]) list->push_back(matches[i]);
+  }
+}
+
 Parameters checked(const Parameters& parameters) {
   const std::vector<std::string> errors = checkParameters(parameters);
   if (!errors.empty()) throw std::invalid_argument("parameters: " + join(errors, "; "));
@@ -309,8 +318,9 @@ void StereoOdometry::Impl::measureAgainstMap(const StereoFrame& curr, const Fram
     return static_cast<double>(c.points.size() + c.lines.size());
   };
   if (size(matches) < kFewMapMatches * size(direct)) {
-    matches.points.insert(matches.points.end(), direct.points.begin(), direct.points.end());
-    matches.lines.insert(matches.lines.end(), direct.lines.begin(), direct.lines.end());
+    const MotionEstimate& motion = measurement->direct;
+    appendMatches(direct.points, motion, motion.point_inliers, &matches.points);
+    appendMatches(direct.lines, motion, motion.line_inliers, &matches.lines);
   }
   const MotionEstimate motion = estimate(matches, T_curr_reference, *reference_, curr);
   if (motion.ok()) {
