@@ -42,7 +42,7 @@ def watch(answers, announced=()):
     return watching
 
 
-def samples(minutes=6.0, mb_per_min=0.0, files_per_min=0.0, threads=12):
+def samples(minutes=12.0, mb_per_min=0.0, files_per_min=0.0, threads=12):
     rng = np.random.default_rng(1)
     return [judge.ProcessSample(t, 80.0 + mb_per_min * t / 60.0 + rng.normal(0.0, 0.2)
                                 + 10.0 * min(t / 30.0, 1.0),
