@@ -156,7 +156,7 @@ class FaultTest(unittest.TestCase):
         info = CameraInfo(header=image.header, height=8, width=6, D=[0.1], K=[1.0] * 9,
                           P=[1.0, 0.0, 3.0, -1.0] + [0.0] * 8)
         self.frame = faults.Frame(image, faults.changed(image, data=bytes(range(48, 0, -1))), info,
-                                  faults.changed(info))
+                                  faults.changed(info, P=[1.0] * 12))
 
     def draw(self, seed):
         injector = faults.Injector(seed)
