@@ -12,8 +12,8 @@ SPEED = 0.12
 NOISE = 0.005  # [m], [rad]
 
 WARM_UP_S = 300.0    # not judged: buffers, and the allocator's own, fill up to their bounds
-JUDGED_S = 240.0     # shortest time over which growth is judged
-GROWTH_MB = 2.0      # of the resident set, at most: the allocator's own ups and downs
+JUDGED_S = 900.0     # shortest time over which growth is judged: the allocator's own ups and downs,
+GROWTH_MB = 3.0      # of as much, last some minutes
 LINE = '{:<36}{}'
 
 
