@@ -11,9 +11,9 @@ SHARE = 0.25
 SPEED = 0.12
 NOISE = 0.005  # [m], [rad]
 
-WARM_UP_S = 60.0     # not judged: buffers fill up to their bounds
-JUDGED_S = 120.0     # shortest time over which growth is judged
-GROWTH_MB = 2.0      # of the resident set, at most: the allocator's own ups and downs
+WARM_UP_S = 300.0    # not judged: buffers, and the allocator's own, fill up to their bounds
+JUDGED_S = 900.0     # shortest time over which growth is judged: the allocator's own ups and downs,
+GROWTH_MB = 3.0      # of as much, last some minutes
 LINE = '{:<36}{}'
 
 

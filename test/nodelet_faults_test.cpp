@@ -466,9 +466,11 @@ TEST_F(NodeletFaultsTest, DropsFramesThatComeTwiceOrLate) {
   drive(0, 4);
   const std::size_t answers = numOdometries();
   publish(makeMessages(3));
+  ros::WallDuration(kPeriod_s).sleep();  // messages of two frames arrive in any order
   const ros::Time newest = stamp_;
   stamp_ = newest - ros::Duration(0.25);  // not of a frame before
   publish(makeMessages(1));
+  ros::WallDuration(kPeriod_s).sleep();
   stamp_ = newest;
   const OdometryInfo info = drive(4, 6);
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
