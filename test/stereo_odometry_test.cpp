@@ -385,15 +385,19 @@ void expectSame(const FrameResult& a, const FrameResult& b) {
 void expectTheSameFromEveryFrame(const Parameters& parameters) {
   const auto images = [](int k) { return k == 4 ? black((k + 1) * kPeriodNs) : frame(k); };
   StereoOdometry odometry(kCamera, parameters);
+  odometry.reset(Isometry3d(Eigen::Translation3d(5.0, -2.0, 1.0)));
   std::vector<std::string> states;
   std::vector<FrameResult> results;
+  std::vector<FrameResult> dropped;
   for (int k = 0; k < kFrames; ++k) {
     states.push_back(odometry.saveState());
+    dropped.push_back(odometry.process({}));
     results.push_back(odometry.process(images(k)));
   }
   StereoOdometry other(kCamera, parameters);
   for (int begin = kFrames - 1; begin >= 0; --begin) {
     other.restoreState(states[begin]);
+    expectSame(other.process({}), dropped[begin]);
     for (int k = begin; k < kFrames; ++k) expectSame(other.process(images(k)), results[k]);
   }
 }
