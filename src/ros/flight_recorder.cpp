@@ -47,7 +47,7 @@ FlightRecorder::~FlightRecorder() {
   writer_.join();
 }
 
-void FlightRecorder::prepare(const FrameStart& start) noexcept {
+void FlightRecorder::prepare(const FrameStart& start) {
   if (!ring_) return;
   try {
     ring_->prepare(start);
@@ -60,7 +60,7 @@ void FlightRecorder::prepare(const FrameStart& start) noexcept {
   }
 }
 
-void FlightRecorder::add(const StereoMessages& messages, const ProcessedFrame& frame) noexcept {
+void FlightRecorder::add(const StereoMessages& messages, const ProcessedFrame& frame) {
   if (!ring_) return;
   try {
     const FrameNames names{target_.parameters.odom_frame_id, target_.parameters.base_frame_id};

@@ -22,7 +22,7 @@ namespace point_line_odometry {
 /// `dump_recording` is called and when the state becomes LOST: once for each loss, and not more
 /// often than `recorder/lost_period_s`. A thread of its own writes and answers the service. While a
 /// recording is written its images stay in memory, one of each kind at most. What goes wrong is
-/// logged.
+/// logged, and never disturbs the odometry.
 class FlightRecorder {
  public:
   /// \param private_nh where the service is offered.
@@ -33,11 +33,11 @@ class FlightRecorder {
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
-  /// To be called before the odometry takes a frame. Does not throw.
-  void prepare(const FrameStart& start) noexcept;
+  /// To be called before the odometry takes a frame.
+  void prepare(const FrameStart& start);
 
-  /// To be called after that, by the same thread, if the frame was accepted. Does not throw.
-  void add(const StereoMessages& messages, const ProcessedFrame& frame) noexcept;
+  /// To be called after that, by the same thread, if the frame was accepted.
+  void add(const StereoMessages& messages, const ProcessedFrame& frame);
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -47,7 +47,7 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   continues_ = false;  // until the frame is done
   frame.result = odometry_->process(images);
   checkFinite(frame.result);
-  continues_ = true;
+  continues_ = frame.result.reason != TrackingReason::kException;
   if (frame.result.accepted()) {
     T_odom_base_ = frame.T_odom_base();
     last_stamp_ns_ = images.stamp_ns;
