@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <yaml-cpp/yaml.h>
 
 #include <chrono>
 #include <cmath>
@@ -126,7 +127,39 @@ TEST(ParseParameters, LeavesTheLibrariesTheirOwn) {
   XmlRpc::XmlRpcValue tree;
   tree["num_worker_threads"] = 2;
   tree["compressed"]["mode"] = std::string("gray");
+  tree["theora"]["post_processing_level"] = 1;
+  tree["diagnostic_period"] = 2.0;
   EXPECT_EQ(parseError(tree), "");
+  tree["new_transport"]["quality"] = 1;
+  EXPECT_NE(parseError(tree).find("~new_transport/quality"), std::string::npos);
+  tree["image_transport"] = std::string("new_transport");
+  EXPECT_EQ(parseError(tree), "");
+}
+
+/// Compares each entry of a table with a YAML file.
+struct YamlComparison {
+  YAML::Node root;
+  int entries = 0;
+
+  template <typename T, typename... Rest>
+  void operator()(const std::string& name, const T& value, const Rest&...) {
+    ++entries;
+    const std::size_t slash = name.find('/');
+    const YAML::Node node = slash == std::string::npos
+                                ? root[name]
+                                : root[name.substr(0, slash)][name.substr(slash + 1)];
+    ASSERT_TRUE(node.IsDefined()) << name;
+    EXPECT_EQ(node.as<T>(), value) << name;
+  }
+};
+
+TEST(ParseParameters, DefaultYamlNamesEveryParameterOfTheNodeWithItsDefault) {
+  const std::string file = std::string(TEST_REPOSITORY_DIR) + "/config/default.yaml";
+  YamlComparison comparison{YAML::LoadFile(file)};
+  const NodeParameters defaults;
+  visitNodeParameters(defaults, comparison);
+  EXPECT_EQ(comparison.entries, static_cast<int>(nodeParameterNames().size()));
+  EXPECT_NO_THROW(loadParameters(file, nodeParameterNames())) << "names that no table has";
 }
 
 TEST(FrameQueue, DropsTheOldest) {

@@ -139,8 +139,13 @@ TEST(StereoOdometry, CovarianceGrowsAndCoversTheError) {
 }
 
 TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
-  const std::vector<FrameResult> first = run({});
-  const std::vector<FrameResult> second = run({});
+  Parameters parameters;
+  parameters.window.keyframe_overlap = 0.95;  // the window is adjusted, too
+  const std::vector<FrameResult> first = run(parameters);
+  // Other places in memory: nothing may depend on the order of addresses.
+  std::vector<std::vector<char>> held;
+  for (std::size_t size = 16; size < 40000; size += size / 3) held.emplace_back(size);
+  const std::vector<FrameResult> second = run(parameters);
   for (int k = 0; k < kFrames; ++k) {
     EXPECT_EQ(first[k].T_odom_camera.matrix(), second[k].T_odom_camera.matrix());
     EXPECT_EQ(first[k].pose_covariance, second[k].pose_covariance);
@@ -307,24 +312,133 @@ TEST(StereoOdometry, ResetStartsAtThePose) {
   expectPose(second, start * truePose(1), 0.01, 0.003);
 }
 
-TEST(StereoOdometry, NewCameraAndParametersKeepThePose) {
-  for (const bool camera_changes : {true, false}) {
+TEST(StereoOdometry, ANewCameraKeepsThePose) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  const FrameResult before = odometry.process(frame(3));
+  StereoCamera other = kCamera;
+  other.cx += 0.2;
+  odometry.setCamera(other);
+  const FrameResult first = odometry.process(frame(4));
+  EXPECT_TRUE(first.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
+  EXPECT_EQ(first.state, TrackingState::kInitializing);
+  EXPECT_GE(first.pose_covariance.trace(), before.pose_covariance.trace());
+  const FrameResult next = odometry.process(frame(5));
+  EXPECT_EQ(next.state, TrackingState::kOk);
+  expectPose(next, before.T_odom_camera * truePose(4).inverse() * truePose(5), 0.02, 0.005);
+}
+
+TEST(StereoOdometry, OtherParametersDoNotStopTheMotion) {
+  Parameters points_only, no_window, larger_window, more_levels, two_frames;
+  points_only.lines.enabled = false;
+  no_window.window.size = 0;
+  larger_window.window.size = 7;
+  more_levels.points.levels = 3;
+  two_frames.motion.fuse_rotation = true;
+  for (const Parameters& other : {points_only, no_window, larger_window, more_levels, two_frames}) {
     StereoOdometry odometry(kCamera, {});
-    for (int k = 0; k < 3; ++k) odometry.process(frame(k));
-    const FrameResult before = odometry.process(frame(3));
-    StereoCamera other = kCamera;
-    other.cx += 0.2;
-    Parameters parameters;
-    parameters.lines.enabled = false;
-    camera_changes ? odometry.setCamera(other) : odometry.setParameters(parameters);
-    const FrameResult first = odometry.process(frame(4));
-    EXPECT_TRUE(first.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
-    EXPECT_EQ(first.state, TrackingState::kInitializing);
-    EXPECT_GE(first.pose_covariance.trace(), before.pose_covariance.trace());
-    const FrameResult next = odometry.process(frame(5));
-    EXPECT_EQ(next.state, TrackingState::kOk);
-    expectPose(next, before.T_odom_camera * truePose(4).inverse() * truePose(5), 0.02, 0.005);
+    for (int k = 0; k < kFrames; ++k) {
+      if (k == 3) odometry.setParameters(other);
+      if (k == 6) odometry.setParameters({});
+      const FrameResult result = odometry.process(frame(k));
+      expectPose(result, truePose(k), 0.03, 0.006);
+      if (k == 0) continue;
+      EXPECT_EQ(result.state, TrackingState::kOk) << k << ' ' << toString(result.reason);
+    }
   }
+}
+
+TEST(StereoOdometry, OtherParametersKeepTheLandmarksUnlessTheyAreOfThem) {
+  for (const bool of_landmarks : {false, true}) {
+    StereoOdometry odometry(kCamera, {});
+    for (int k = 0; k < 4; ++k) odometry.process(frame(k));
+    Parameters other;
+    (of_landmarks ? other.local_map.size : other.lines.max_count) = 50;
+    odometry.setParameters(other);
+    EXPECT_EQ(odometry.process(frame(4)).counts.map_points == 0, of_landmarks);
+  }
+}
+
+// --- Saved and restored
+
+/// All that a result says, but for the times.
+void expectSame(const FrameResult& a, const FrameResult& b) {
+  EXPECT_EQ(a.stamp_ns, b.stamp_ns);
+  EXPECT_EQ(a.state, b.state);
+  EXPECT_EQ(a.reason, b.reason);
+  EXPECT_EQ(a.T_odom_camera.matrix(), b.T_odom_camera.matrix());
+  EXPECT_EQ(a.pose_covariance, b.pose_covariance);
+  EXPECT_EQ(a.twist, b.twist);
+  EXPECT_EQ(a.twist_covariance, b.twist_covariance);
+  EXPECT_EQ(a.rms_px, b.rms_px);
+  EXPECT_EQ(a.counts.map_points, b.counts.map_points);
+  EXPECT_EQ(a.counts.map_lines, b.counts.map_lines);
+  EXPECT_EQ(a.counts.map_point_inliers, b.counts.map_point_inliers);
+  EXPECT_EQ(a.counts.map_line_inliers, b.counts.map_line_inliers);
+  EXPECT_EQ(a.counts.keyframes, b.counts.keyframes);
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (std::size_t i = 0; i < a.points.size(); ++i)
+    EXPECT_EQ(a.points[i].p_camera, b.points[i].p_camera);
+}
+
+/// A drive whose frame 4 is black, from which a run begun at any frame must not differ.
+void expectTheSameFromEveryFrame(const Parameters& parameters) {
+  const auto images = [](int k) { return k == 4 ? black((k + 1) * kPeriodNs) : frame(k); };
+  StereoOdometry odometry(kCamera, parameters);
+  odometry.reset(Isometry3d(Eigen::Translation3d(5.0, -2.0, 1.0)));
+  std::vector<std::string> states;
+  std::vector<FrameResult> results;
+  std::vector<FrameResult> dropped;
+  for (int k = 0; k < kFrames; ++k) {
+    states.push_back(odometry.saveState());
+    dropped.push_back(odometry.process({}));
+    results.push_back(odometry.process(images(k)));
+  }
+  StereoOdometry other(kCamera, parameters);
+  for (int begin = kFrames - 1; begin >= 0; --begin) {
+    other.restoreState(states[begin]);
+    expectSame(other.process({}), dropped[begin]);
+    for (int k = begin; k < kFrames; ++k) expectSame(other.process(images(k)), results[k]);
+  }
+}
+
+TEST(StereoOdometryState, GoesOnWithTheSameBits) {
+  Parameters many_keyframes;
+  many_keyframes.window.keyframe_overlap = 0.95;
+  expectTheSameFromEveryFrame(many_keyframes);
+  Parameters forgetful = many_keyframes;
+  forgetful.window.size = 3;
+  forgetful.local_map.size = 0;
+  expectTheSameFromEveryFrame(forgetful);
+  Parameters frame_to_frame;
+  frame_to_frame.window.size = 0;
+  frame_to_frame.motion.fuse_rotation = true;
+  expectTheSameFromEveryFrame(frame_to_frame);
+}
+
+TEST(StereoOdometryState, SavingChangesNothing) {
+  Parameters parameters;
+  parameters.window.keyframe_overlap = 0.95;
+  const std::vector<FrameResult> results = run(parameters);
+  StereoOdometry odometry(kCamera, parameters);
+  for (int k = 0; k < kFrames; ++k) {
+    odometry.saveState();
+    expectSame(odometry.process(frame(k)), results[k]);
+  }
+  EXPECT_GT(results.back().counts.keyframes, 3);
+}
+
+TEST(StereoOdometryState, DamagedBytesAreRefused) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  const std::string state = odometry.saveState();
+  for (std::size_t size = 0; size < state.size(); size += 1 + state.size() / 50)
+    EXPECT_THROW(odometry.restoreState(state.substr(0, size)), std::invalid_argument) << size;
+  EXPECT_THROW(odometry.restoreState(state + '\0'), std::invalid_argument);
+  EXPECT_THROW(odometry.restoreState(std::string(state.size(), '\xff')), std::invalid_argument);
+  const FrameResult first = odometry.process(frame(0));
+  EXPECT_EQ(first.state, TrackingState::kInitializing);
+  EXPECT_EQ(first.T_odom_camera.matrix(), Isometry3d::Identity().matrix());
 }
 
 TEST(StereoOdometry, BadCameraAndParametersThrowAndAreNamed) {

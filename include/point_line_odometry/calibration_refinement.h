@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <tuple>
 
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -31,6 +32,12 @@ class RightImageCorrection {
   Coefficients u = Coefficients::Zero();
   Coefficients v = Coefficients::Zero();
 
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [u_of_this, v_of_this, centre, scale] = *this;
+    return std::tie(u_of_this, v_of_this, centre, scale);
+  }
+
  private:
   Eigen::Vector2d centre_ = Eigen::Vector2d::Zero();
   double scale_ = 0.0;
@@ -58,6 +65,9 @@ class CalibrationRefinement {
   void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
                  const MotionParameters& parameters);
 
+  /// What it has learned, for StereoOdometry::saveState(); the camera is given.
+  auto state();
+
  private:
   using Coefficients = RightImageCorrection::Coefficients;
   using Information =
@@ -73,6 +83,7 @@ class CalibrationRefinement {
     explicit Belief(const Coefficients& prior_sigma);
     void add(const Information& information, const Coefficients& vector);
     Coefficients mean() const;
+    auto state() { return std::tie(prior, information, vector); }
   };
 
   StereoCamera camera_;
@@ -80,5 +91,11 @@ class CalibrationRefinement {
   Belief u_;
   Belief v_;
 };
+
+inline auto CalibrationRefinement::state() {
+  auto& [camera, correction, u, v] = *this;
+  static_cast<void>(camera);
+  return std::tie(correction, u, v);
+}
 
 }  // namespace point_line_odometry

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace point_line_odometry {
@@ -208,6 +209,14 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/threads", p.tracking.threads, 1, 64, "",
         "threads that work on one frame; results do not depend on it");
 }
+
+/// Name and value of every parameter, in the order of the table; the value as in a YAML file, with
+/// all digits.
+using ParameterTexts = std::vector<std::pair<std::string, std::string>>;
+ParameterTexts parameterTexts(const Parameters& parameters);
+
+/// Those whose values differ, with the values of `after`.
+ParameterTexts changedParameters(const Parameters& before, const Parameters& after);
 
 /// One sentence for each parameter that is out of its range, not a finite number or not among its
 /// choices; empty if all are fine.

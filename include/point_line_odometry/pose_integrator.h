@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
+#include <tuple>
 
 #include "point_line_odometry/types.h"
 
@@ -72,6 +73,14 @@ class PoseIntegrator {
   /// is held.
   const Vector6d& twist() const { return twist_; }
   const Matrix6d& twistCovariance() const { return twist_covariance_; }
+
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [T_odom_camera, start, covariance, lasting, T_odom_reference, reference_covariance,
+           velocity, twist, twist_covariance] = *this;
+    return std::tie(T_odom_camera, start, covariance, lasting, T_odom_reference,
+                    reference_covariance, velocity, twist, twist_covariance);
+  }
 
  private:
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();

@@ -89,9 +89,12 @@ class LandmarkUnknowns {
  public:
   using Landmark = BundleProblem::Landmark<Place, Sight>;
 
-  explicit LandmarkUnknowns(std::vector<Landmark>* landmarks)
-      : landmarks_(*landmarks), changes_(landmarks->size()) {
-    for (Change& change : changes_) change.setZero();
+  /// \param changes numUnknowns(*landmarks) numbers that are zero; must outlive this.
+  LandmarkUnknowns(std::vector<Landmark>* landmarks, double* changes)
+      : landmarks_(*landmarks), changes_(changes) {}
+
+  static std::size_t numUnknowns(const std::vector<Landmark>& landmarks) {
+    return landmarks.size() * Place::kNumFreedoms;
   }
 
   void addTo(ceres::Problem* problem, ceres::ParameterBlockOrdering* ordering,
@@ -101,28 +104,31 @@ class LandmarkUnknowns {
       for (const auto& sight : landmarks_[i].sights) {
         PoseUnknown& pose = (*poses)[static_cast<std::size_t>(sight.frame)];
         costs_.emplace_back(&camera, &landmarks_[i].place, &pose, &sight.sight);
-        problem->AddResidualBlock(&costs_.back(), loss, changes_[i].data(), pose.change.data());
+        problem->AddResidualBlock(&costs_.back(), loss, change(i).data(), pose.change.data());
       }
-      ordering->AddElementToGroup(changes_[i].data(), 0);
+      ordering->AddElementToGroup(change(i).data(), 0);
     }
   }
 
   bool finite() const {
-    for (const Change& change : changes_) {
-      if (!change.allFinite()) return false;
+    for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+      if (!change(i).allFinite()) return false;
     }
     return true;
   }
 
   void apply() {
     for (std::size_t i = 0; i < landmarks_.size(); ++i)
-      landmarks_[i].place.value += landmarks_[i].place.spread * changes_[i];
+      landmarks_[i].place.value += landmarks_[i].place.spread * change(i);
   }
 
  private:
-  using Change = Eigen::Matrix<double, Place::kNumFreedoms, 1>;
+  Eigen::Map<Eigen::Matrix<double, Place::kNumFreedoms, 1>> change(std::size_t i) const {
+    return {changes_ + i * Place::kNumFreedoms, Place::kNumFreedoms, 1};
+  }
+
   std::vector<Landmark>& landmarks_;
-  std::vector<Change> changes_;
+  double* changes_;
   std::deque<SightCost<Residual, Place, Sight>> costs_;
 };
 
@@ -133,8 +139,14 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
   std::vector<PoseUnknown> poses;
   poses.reserve(bundle->frames.size());
   for (const BundleProblem::Frame& frame : bundle->frames) poses.emplace_back(frame.T_map_camera);
-  LandmarkUnknowns<PointResidual<kBoth>, PointBelief, PointSight> points(&bundle->points);
-  LandmarkUnknowns<LineResidual<kBoth>, LineBelief, LineSight> lines(&bundle->lines);
+  using Points = LandmarkUnknowns<PointResidual<kBoth>, PointBelief, PointSight>;
+  using Lines = LandmarkUnknowns<LineResidual<kBoth>, LineBelief, LineSight>;
+  // The solver eliminates them in the order of their addresses: in one piece of memory that is
+  // always the same.
+  const std::size_t num_of_points = Points::numUnknowns(bundle->points);
+  std::vector<double> changes(num_of_points + Lines::numUnknowns(bundle->lines), 0.0);
+  Points points(&bundle->points, changes.data());
+  Lines lines(&bundle->lines, changes.data() + num_of_points);
 
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

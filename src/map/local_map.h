@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "map/bundle_adjustment.h"
@@ -63,11 +64,19 @@ class LocalMap {
   /// Share of what the reference sees that was new with it.
   double shareOfNew() const { return share_of_new_; }
 
+  /// All that the map holds, for StereoOdometry::saveState(); the parameters are given.
+  auto state();
+
  private:
   template <typename Sight>
   struct Entry {
     std::uint64_t landmark;  ///< its id
     Sight sight;
+
+    auto state() {
+      auto& [landmark_of_this, sight_of_this] = *this;
+      return std::tie(landmark_of_this, sight_of_this);
+    }
   };
 
   /// A frame with all that it sees of the map.
@@ -78,6 +87,10 @@ class LocalMap {
     std::vector<Entry<LineSight>> lines;
 
     std::size_t size() const { return points.size() + lines.size(); }
+    auto state() {
+      auto& [id_of_this, T, points_of_this, lines_of_this] = *this;
+      return std::tie(id_of_this, T, points_of_this, lines_of_this);
+    }
   };
 
   void moveReference(const Eigen::Isometry3d& T_reference_camera);
@@ -102,5 +115,14 @@ class LocalMap {
   std::uint64_t next_keyframe_ = 0;
   bool keyframe_is_new_ = false;
 };
+
+inline auto LocalMap::state() {
+  auto& [window, local_map, T_map_reference, points, lines, keyframes, reference, share_of_new,
+         next_landmark, next_keyframe, keyframe_is_new] = *this;
+  static_cast<void>(window);
+  static_cast<void>(local_map);
+  return std::tie(T_map_reference, points, lines, keyframes, reference, share_of_new, next_landmark,
+                  next_keyframe, keyframe_is_new);
+}
 
 }  // namespace point_line_odometry

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <sstream>
 #include <stdexcept>
 
+#include "dataset/classic_stream.h"
 #include "odometry/parameter_checker.h"
 
 namespace point_line_odometry {
@@ -47,7 +49,36 @@ struct YamlReader {
   }
 };
 
+/// Puts every value into words.
+struct TextCollector {
+  ParameterTexts texts;
+
+  template <typename T, typename... Rest>
+  void operator()(const char* name, const T& value, const Rest&...) {
+    std::ostringstream text = classicStream();
+    text.precision(std::numeric_limits<double>::max_digits10);
+    text << std::boolalpha << value;
+    texts.emplace_back(name, text.str());
+  }
+};
+
 }  // namespace
+
+ParameterTexts parameterTexts(const Parameters& parameters) {
+  TextCollector collector;
+  visitParameters(parameters, collector);
+  return std::move(collector.texts);
+}
+
+ParameterTexts changedParameters(const Parameters& before, const Parameters& after) {
+  const ParameterTexts old = parameterTexts(before);
+  ParameterTexts changed;
+  std::size_t i = 0;
+  for (auto& [name, value] : parameterTexts(after)) {
+    if (value != old[i++].second) changed.emplace_back(name, value);
+  }
+  return changed;
+}
 
 std::vector<std::string> checkParameters(const Parameters& parameters) {
   ParameterChecker checker;

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
+#include <tuple>
 
 #include "point_line_odometry/pose_integrator.h"
 #include "point_line_odometry/types.h"
@@ -37,6 +38,12 @@ class SteadyPose {
   /// Of the pose, along and about the axes of odom: that of the estimate, and the way to it.
   Matrix6d covariance(const PoseIntegrator& estimate) const;
 
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [T, offset, holds, rest] = *this;
+    return std::tie(T, offset, holds, rest);
+  }
+
  private:
   /// Where the camera may have come to rest.
   struct Rest {
@@ -44,6 +51,11 @@ class SteadyPose {
     Matrix6d noise;                   // of the estimate against its reference
     Matrix6d reference_covariance;
     double lasted_s = 0.0;
+
+    auto state() {
+      auto& [T, noise_of_this, covariance, lasted] = *this;
+      return std::tie(T, noise_of_this, covariance, lasted);
+    }
   };
 
   void follow(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s);

@@ -14,6 +14,7 @@
 #include "odometry/correspondences.h"
 #include "odometry/parameter_checker.h"
 #include "odometry/stage_timer.h"
+#include "odometry/state_archive.h"
 #include "odometry/steady_pose.h"
 #include "odometry/uncertainty.h"
 #include "point_line_odometry/matching.h"
@@ -84,6 +85,8 @@ class StereoOdometry::Impl {
   void reset(const Eigen::Isometry3d& T_odom_camera);
   void setCamera(const StereoCamera& camera);
   void setParameters(const Parameters& parameters);
+  std::string saveState();
+  void restoreState(const std::string& bytes);
   const StereoCamera& camera() const { return camera_; }
   const Parameters& parameters() const { return parameters_; }
   const RightImageCorrection& correction() const { return refinement_.correction(); }
@@ -109,6 +112,11 @@ class StereoOdometry::Impl {
   struct EarlierFrame {
     StereoFrame frame;
     Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  // motion k-2 -> k-1
+
+    auto state() {
+      auto& [frame_of_this, T] = *this;
+      return std::tie(frame_of_this, T);
+    }
   };
 
   void track(const StereoImages& images, double dt_s, FrameResult* result);
@@ -141,6 +149,8 @@ class StereoOdometry::Impl {
   void refineCalibration(const StereoFrame& curr, const Measurement& measurement);
   void startNewReference();
   void startNewMap();
+  template <typename Archive>
+  void visitState(Archive* archive);
 
   StereoCamera camera_;
   Parameters parameters_;
@@ -563,10 +573,57 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 }
 
 void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
-  parameters_ = checked(parameters);
+  const ParameterTexts changed = changedParameters(parameters_, checked(parameters));
+  parameters_ = parameters;
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
-  startNewReference();
+  const auto is_of_map = [](const auto& parameter) {
+    return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
+  };
+  if (std::none_of(changed.begin(), changed.end(), is_of_map)) return;
+  startNewMap();
+  T_odom_map_ = pose_.T_odom_reference();
+}
+
+std::string StereoOdometry::Impl::saveState() {
+  finishWindow();
+  StateWriter writer;
+  visitState(&writer);
+  return writer.take();
+}
+
+void StereoOdometry::Impl::restoreState(const std::string& bytes) {
+  reset(Eigen::Isometry3d::Identity());
+  try {
+    StateReader reader(bytes);
+    visitState(&reader);
+    reader.requireEnd();
+  } catch (...) {
+    reset(Eigen::Isometry3d::Identity());
+    throw;
+  }
+}
+
+/// The camera, the parameters and what follows from them alone are not in it, nor is the window: it
+/// is solved before.
+template <typename Archive>
+void StereoOdometry::Impl::visitState(Archive* archive) {
+  auto& [camera, parameters, threads, detector, refinement, state, reference, before_reference, map,
+         T_odom_map, window, pose, output, last_stamp_ns] = *this;
+  static_cast<void>(std::tie(camera, threads, detector, window));
+  archive->visit(refinement);
+  archive->visit(state);
+  archive->visit(reference);
+  archive->visit(before_reference);
+  bool has_map = map.has_value();
+  archive->visit(has_map);
+  if (has_map && !map) map.emplace(parameters.window, parameters.local_map);
+  if (!has_map) map.reset();
+  if (map) archive->visit(*map);
+  archive->visit(T_odom_map);
+  archive->visit(pose);
+  archive->visit(output);
+  archive->visit(last_stamp_ns);
 }
 
 void StereoOdometry::Impl::startNewReference() {
@@ -594,6 +651,8 @@ void StereoOdometry::setCamera(const StereoCamera& camera) { impl_->setCamera(ca
 void StereoOdometry::setParameters(const Parameters& parameters) {
   impl_->setParameters(parameters);
 }
+std::string StereoOdometry::saveState() { return impl_->saveState(); }
+void StereoOdometry::restoreState(const std::string& bytes) { impl_->restoreState(bytes); }
 const StereoCamera& StereoOdometry::camera() const { return impl_->camera(); }
 const Parameters& StereoOdometry::parameters() const { return impl_->parameters(); }
 const RightImageCorrection& StereoOdometry::correction() const { return impl_->correction(); }

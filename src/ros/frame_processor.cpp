@@ -43,8 +43,11 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   frame.camera = calibration_->camera;
   frame.T_base_camera = T_base_camera_;
   frame.T_header_camera = calibration_->T_header_camera();
+  if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
+  continues_ = false;  // until the frame is done
   frame.result = odometry_->process(images);
   checkFinite(frame.result);
+  continues_ = frame.result.reason != TrackingReason::kException;
   if (frame.result.accepted()) {
     T_odom_base_ = frame.T_odom_base();
     last_stamp_ns_ = images.stamp_ns;
@@ -56,6 +59,15 @@ void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
   T_odom_base_ = T_odom_base;
   last_stamp_ns_.reset();
   startOdometry();
+}
+
+void FrameProcessor::setParameters(const Parameters& core) {
+  if (odometry_) odometry_->setParameters(core);
+  parameters_.core = core;
+}
+
+void FrameProcessor::observeStarts(std::function<void(const FrameStart&)> observe) {
+  observe_start_ = std::move(observe);
 }
 
 Eigen::Isometry3d FrameProcessor::Calibration::T_header_camera() const {
@@ -95,6 +107,7 @@ void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
 
 void FrameProcessor::takeCalibration(Calibration calibration) {
   calibration_ = std::move(calibration);
+  continues_ = false;
   if (odometry_) odometry_->setCamera(calibration_->camera);
 }
 
@@ -109,6 +122,7 @@ void FrameProcessor::startOdometry() {
   if (!calibration_) return;
   if (!odometry_) odometry_.emplace(calibration_->camera, parameters_.core);
   odometry_->reset(T_odom_base_ * T_base_camera_);
+  continues_ = false;
 }
 
 }  // namespace point_line_odometry

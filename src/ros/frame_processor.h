@@ -4,6 +4,7 @@
 #include <sensor_msgs/Image.h>
 
 #include <Eigen/Geometry>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -26,6 +27,13 @@ struct StereoMessages {
   sensor_msgs::CameraInfoConstPtr right_info;
 };
 
+/// The odometry as it is before it takes a frame.
+struct FrameStart {
+  StereoOdometry& odometry;
+  bool continues;                 ///< false after a start, reset, other calibration or exception
+  Eigen::Isometry3d T_odom_base;  ///< at the last frame, or where this one starts
+};
+
 /// Leads one set of messages after the other through the core, and keeps what the core knows
 /// nothing of: the calibration that comes with each frame, the place of the camera on the robot,
 /// and what to do when the clock jumps back. Needs no node; not thread-safe.
@@ -41,6 +49,12 @@ class FrameProcessor {
 
   /// Forgets the past; the base has this pose at the next frame.
   void reset(const Eigen::Isometry3d& T_odom_base);
+
+  /// Takes other parameters of the core, which must be allowed, from the next frame on.
+  void setParameters(const Parameters& core);
+
+  /// `observe` is called before each frame that the odometry takes.
+  void observeStarts(std::function<void(const FrameStart&)> observe);
 
   /// True if the last call of process() found the clock jumped back and began anew.
   bool startedAnew() const { return started_anew_; }
@@ -71,6 +85,8 @@ class FrameProcessor {
   Eigen::Isometry3d T_odom_base_;  // at the last frame, or where the next one starts
   std::optional<std::int64_t> last_stamp_ns_;
   bool started_anew_ = false;
+  bool continues_ = false;  // nothing has come between the last frame and the next one
+  std::function<void(const FrameStart&)> observe_start_;
 };
 
 }  // namespace point_line_odometry

@@ -49,6 +49,7 @@ AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree) {
   ParameterTree values(tree);
   visitNodeParameters(parameters.node, values);
   visitParameters(parameters.core, values);
+  values.ignoreSection(parameters.node.image_transport);  // the transport's own
   std::vector<std::string> errors = values.errors();
   for (const auto& more :
        {checkNodeParameters(parameters.node), checkParameters(parameters.core)}) {

@@ -34,6 +34,15 @@ struct NodeParameters {
   std::string on_time_jump = "reset";
   double watchdog_timeout_s = 5.0;
 
+  struct {
+    int frames = 60;
+    int max_memory_mb = 100;
+    bool when_lost = true;
+    double lost_period_s = 60.0;
+    int max_files = 5;
+    std::string folder = "recordings";
+  } recorder;
+
   int path_max_length = 5000;
   int landmarks_max_count = 5000;
 };
@@ -71,6 +80,21 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
         "pose, or drop frames");
   visit("watchdog_timeout_s", p.watchdog_timeout_s, 0.5, 3600.0, "s",
         "time without a pair of images after which a warning says what is missing");
+
+  visit("recorder/frames", p.recorder.frames, 0, 100000, "frames",
+        "latest pairs kept to be written to a bag and replayed, the later half of them at least; "
+        "0: none");
+  visit("recorder/max_memory_mb", p.recorder.max_memory_mb, 1, 1000000, "MB",
+        "of the images of these pairs; fewer are kept if they are large. The states at which a "
+        "replay can begin add about 20 MB");
+  visit("recorder/when_lost", p.recorder.when_lost, "write them when the state becomes LOST");
+  visit("recorder/lost_period_s", p.recorder.lost_period_s, 0.0, 1e6, "s",
+        "of wall time, in which this is done once at most");
+  visit("recorder/max_files", p.recorder.max_files, 1, 100000, "recordings",
+        "kept on disk, the newest: so many of each kind, written when LOST and by the service");
+  visit("recorder/folder", p.recorder.folder,
+        "where a folder of this node is made for them; within ROS_HOME (~/.ros) unless it begins "
+        "with a slash");
 
   visit("path_max_length", p.path_max_length, 2, 1000000, "poses",
         "latest poses kept in the topic path");

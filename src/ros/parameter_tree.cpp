@@ -2,6 +2,7 @@
 
 #include <ros/param.h>
 
+#include <iterator>
 #include <stdexcept>
 
 #include "odometry/parameter_checker.h"
@@ -64,6 +65,11 @@ void ParameterTree::read(const char* name, XmlRpcValue& leaf, std::string& value
 bool ParameterTree::expect(const char* name, bool right_type, const char* wanted) {
   if (!right_type) errors_.push_back(std::string(name) + " must be " + wanted);
   return right_type;
+}
+
+void ParameterTree::ignoreSection(const std::string& section) {
+  for (auto leaf = leaves_.begin(); leaf != leaves_.end();)
+    leaf = leaf->first.rfind(section + "/", 0) == 0 ? leaves_.erase(leaf) : std::next(leaf);
 }
 
 std::vector<std::string> ParameterTree::errors() const {

@@ -23,6 +23,9 @@ class ParameterTree {
     leaves_.erase(leaf);
   }
 
+  /// Names that begin with this and a slash are somebody else's.
+  void ignoreSection(const std::string& section);
+
   /// One sentence for each value of a wrong type and each name that no table so far had; empty if
   /// all are fine. Names of the libraries that a node uses do not count.
   std::vector<std::string> errors() const;

@@ -18,6 +18,7 @@ constexpr std::chrono::milliseconds kTransformRetry{20};
 StereoOdometryNodelet::~StereoOdometryNodelet() {
   diagnostics_timer_.stop();
   for (ros::ServiceServer& service : services_) service.shutdown();
+  reconfiguration_.reset();
   subscriber_.reset();
   if (queue_) queue_->stop();
   if (worker_.joinable()) worker_.join();
@@ -40,10 +41,17 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
   publishers_ = std::make_unique<Publishers>(nh, parameters_);
   diagnostics_ = std::make_unique<Diagnostics>(nh, private_nh, parameters_, getName());
   processor_ = std::make_unique<FrameProcessor>(parameters);
+  startRecorder();
   queue_ = std::make_unique<FrameQueue<StereoMessages>>(
       static_cast<std::size_t>(parameters_.queue_size));
   worker_ = std::thread(&StereoOdometryNodelet::work, this);
   offerServices();
+  // Its calls of the parameter server must not hold up the images.
+  reconfiguration_ = std::make_unique<Reconfiguration>(
+      getMTPrivateNodeHandle(), parameters.core, [this](const Parameters& core) {
+        const std::lock_guard<std::mutex> lock(request_mutex_);
+        requested_parameters_ = core;
+      });
   subscriber_ = std::make_unique<StereoSubscriber>(
       nh, private_nh, parameters_, [this](const StereoMessages& m) { takeMessages(m); });
   diagnostics_timer_ = getNodeHandle().createWallTimer(
@@ -59,6 +67,14 @@ void StereoOdometryNodelet::offerServices() {
       nh.advertiseService("pause", &StereoOdometryNodelet::pause, this),
       nh.advertiseService("resume", &StereoOdometryNodelet::resume, this),
   };
+}
+
+void StereoOdometryNodelet::startRecorder() {
+  const std::string name_space = getNodeHandle().getNamespace();
+  recorder_ = std::make_unique<FlightRecorder>(
+      getPrivateNodeHandle(),
+      RecordingTarget{name_space == "/" ? "" : name_space, getName(), parameters_});
+  processor_->observeStarts([this](const FrameStart& start) { recorder_->prepare(start); });
 }
 
 void StereoOdometryNodelet::takeMessages(const StereoMessages& messages) {
@@ -135,6 +151,7 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   applyRequests();
   const ProcessedFrame frame = processor_->process(messages, mounting_->second);
+  if (frame.result.accepted()) recorder_->add(messages, frame);
   if (processor_->startedAnew()) {
     NODELET_WARN("stamps jumped back: the odometry starts again at initial_pose");
     publishers_->clear();
@@ -153,13 +170,16 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
 }
 
 void StereoOdometryNodelet::applyRequests() {
-  std::optional<Eigen::Isometry3d> requested;
+  std::optional<Eigen::Isometry3d> pose;
+  std::optional<Parameters> parameters;
   {
     const std::lock_guard<std::mutex> lock(request_mutex_);
-    requested.swap(requested_T_odom_base_);
+    pose.swap(requested_T_odom_base_);
+    parameters.swap(requested_parameters_);
   }
-  if (!requested) return;
-  processor_->reset(*requested);
+  if (parameters) processor_->setParameters(*parameters);
+  if (!pose) return;
+  processor_->reset(*pose);
   publishers_->clear();
 }
 

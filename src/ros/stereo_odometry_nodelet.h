@@ -19,17 +19,19 @@
 #include <vector>
 
 #include "ros/diagnostics.h"
+#include "ros/flight_recorder.h"
 #include "ros/frame_processor.h"
 #include "ros/frame_queue.h"
 #include "ros/node_parameters.h"
 #include "ros/publishers.h"
+#include "ros/reconfiguration.h"
 #include "ros/stereo_subscriber.h"
 
 namespace point_line_odometry {
 
 /// Stereo odometry as a nodelet. Callbacks only put messages and requests aside; one worker thread
-/// takes a set of messages after the other, processes and publishes it. Requests (reset, pause)
-/// take effect between two frames.
+/// takes a set of messages after the other, processes and publishes it. Requests (reset, pause,
+/// other parameters) take effect between two frames.
 class StereoOdometryNodelet : public nodelet::Nodelet {
  public:
   StereoOdometryNodelet() = default;
@@ -43,6 +45,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start(const AllParameters& parameters);
   void offerServices();
+  void startRecorder();
 
   void takeMessages(const StereoMessages& messages);
   bool reset(Trigger::Request& request, Trigger::Response& response);
@@ -61,6 +64,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::atomic<bool> paused_{false};
   std::mutex request_mutex_;
   std::optional<Eigen::Isometry3d> requested_T_odom_base_;
+  std::optional<Parameters> requested_parameters_;
 
   /// Place of the camera on the robot: the frame it was looked up for, and the transform. Used by
   /// the worker only.
@@ -70,10 +74,12 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
   std::unique_ptr<Publishers> publishers_;
   std::unique_ptr<Diagnostics> diagnostics_;
+  std::unique_ptr<FlightRecorder> recorder_;
   std::unique_ptr<FrameProcessor> processor_;
   std::unique_ptr<FrameQueue<StereoMessages>> queue_;
   std::thread worker_;
   std::unique_ptr<StereoSubscriber> subscriber_;
+  std::unique_ptr<Reconfiguration> reconfiguration_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer diagnostics_timer_;
 };

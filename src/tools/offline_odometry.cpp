@@ -1,6 +1,7 @@
 /// \file
-/// Runs the odometry over a bag, a data set folder or the synthetic world, as fast as it can and
-/// without a ROS master, and writes the trajectory, a table of all frames and a summary.
+/// Runs the odometry over a bag, a data set folder, the synthetic world or what the flight recorder
+/// wrote, as fast as it can and without a ROS master, and writes the trajectory, a table of all
+/// frames and a summary.
 
 #include <algorithm>
 #include <chrono>
@@ -19,6 +20,7 @@
 #include "tools/output_folder.h"
 #include "tools/parameter_text.h"
 #include "tools/progress_bar.h"
+#include "tools/recording_source.h"
 #include "tools/run_report.h"
 #include "tools/stereo_source.h"
 #include "tools/synthetic_source.h"
@@ -47,11 +49,22 @@ double elapsed_ms(Clock::time_point since) {
   return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
 }
 
-std::unique_ptr<StereoSource> openSource(const Options& options) {
+/// Nothing if the input is no recording.
+std::optional<RecordingReplay> openRecording(const Options& options) {
+  if (!isRecordingName(options.input) || !std::filesystem::is_regular_file(options.input))
+    return std::nullopt;
+  return RecordingReplay(RecordingReader::read(options.input));
+}
+
+std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
   if (isSyntheticName(options.input)) return openSynthetic(options.input);
   if (!std::filesystem::exists(options.input)) {
     throw InputError("input '" + options.input +
-                     "' does not exist: name a bag, a folder or synthetic:SCENE");
+                     "' does not exist: name a bag, a folder, a recording or synthetic:SCENE");
+  }
+  if (recorded != nullptr) {
+    return std::make_unique<BagSource>(
+        BagSource::Options{recorded->bag, recorded->topics, recorded->max_interval_ns});
   }
   if (!std::filesystem::is_directory(options.input)) {
     const auto interval_ns = static_cast<std::int64_t>(options.max_interval_s * 1e9);
@@ -61,8 +74,8 @@ std::unique_ptr<StereoSource> openSource(const Options& options) {
   return std::make_unique<FolderSource>(StereoDataset::open(options.input));
 }
 
-Parameters readParameters(const Options& options) {
-  Parameters parameters;
+/// \param parameters what holds where the options name nothing else.
+Parameters readParameters(const Options& options, Parameters parameters) {
   if (!options.config.empty()) {
     if (!std::filesystem::is_regular_file(options.config)) {
       throw InputError("parameter file '" + options.config + "' does not exist: check the path");
@@ -75,8 +88,11 @@ Parameters readParameters(const Options& options) {
 /// The chain from a source to the rows of its frames.
 class OfflineRun {
  public:
-  OfflineRun(StereoSource& source, const Parameters& parameters)
-      : source_(source), odometry_(rectifiedCamera(source.calibration()), parameters) {
+  /// \param replay of the recording that the source is of, or null.
+  OfflineRun(StereoSource& source, const Parameters& parameters, RecordingReplay* replay)
+      : source_(source),
+        odometry_(rectifiedCamera(source.calibration()), parameters),
+        replay_(replay) {
     if (source.needsRectification()) {
       rectifier_ = std::make_unique<StereoRectifier>(source.calibration());
     }
@@ -92,7 +108,9 @@ class OfflineRun {
     if (rectifier_) images = rectifier_->rectify(*images);
     const double rectify_ms = rectifier_ ? elapsed_ms(decoded) : 0.0;
     left_ = images->left;
+    if (replay_ != nullptr) replay_->prepare(images->stamp_ns, &odometry_);
     result_ = odometry_.process(*images);
+    if (replay_ != nullptr) replay_->compare(result_);
     rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},
                      result_.state,
                      result_.reason,
@@ -104,6 +122,7 @@ class OfflineRun {
     return true;
   }
 
+  StereoOdometry* odometry() { return &odometry_; }
   const std::vector<FrameRow>& rows() const { return rows_; }
 
   /// Picture of the last frame.
@@ -111,16 +130,18 @@ class OfflineRun {
 
  private:
   /// Pose of the camera that took the image: rectification turned it, which is undone on both sides
-  /// so that the first pose is still the identity.
+  /// so that the first pose is still the identity. A recording goes on from where it was in odom.
   Eigen::Isometry3d poseOfInputCamera(const Eigen::Isometry3d& T_odom_rectified) const {
     if (!rectifier_) return T_odom_rectified;
     Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
     T_rectified_raw.linear() = rectifier_->R_rectified_raw();
+    if (replay_ != nullptr) return T_odom_rectified * T_rectified_raw;
     return T_rectified_raw.inverse() * T_odom_rectified * T_rectified_raw;
   }
 
   StereoSource& source_;
   StereoOdometry odometry_;
+  RecordingReplay* replay_;
   std::unique_ptr<StereoRectifier> rectifier_;
   cv::Mat left_;
   FrameResult result_;
@@ -168,11 +189,18 @@ void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputF
 }
 
 /// The run for a source. Throws InputError if the calibration of the source cannot be used.
-OfflineRun makeRun(StereoSource& source, const Parameters& parameters, const std::string& input) {
+OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay* replay) {
+  const Parameters given =
+      readParameters(options, replay != nullptr ? replay->run().parameters : Parameters());
+  const Parameters& first = replay != nullptr ? replay->run().parameters : given;
   try {
-    return OfflineRun(source, parameters);
+    OfflineRun run(source, first, replay);
+    const bool others = !options.config.empty() || !options.settings.empty();
+    if (replay != nullptr)
+      replay->begin(others ? std::make_optional(given) : std::nullopt, run.odometry());
+    return run;
   } catch (const std::invalid_argument& error) {
-    throw InputError("calibration of '" + input + "' is unusable: " + error.what());
+    throw InputError("calibration of '" + options.input + "' is unusable: " + error.what());
   }
 }
 
@@ -193,9 +221,10 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
 }
 
 int runOdometry(const Options& options) {
-  const Parameters parameters = readParameters(options);
-  const std::unique_ptr<StereoSource> source = openSource(options);
-  OfflineRun run = makeRun(*source, parameters, options.input);
+  std::optional<RecordingReplay> replay = openRecording(options);
+  const std::unique_ptr<StereoSource> source =
+      openSource(options, replay ? &replay->run() : nullptr);
+  OfflineRun run = makeRun(*source, options, replay ? &*replay : nullptr);
   const std::vector<StampedPose> truth = source->groundTruth();
   OutputFolder output(options.output);
   for (const char* name : {"trajectory.tum", "trajectory.kitti", "frames.csv", "summary.json"}) {
@@ -203,7 +232,8 @@ int runOdometry(const Options& options) {
   }
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
-  const RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0};
+  RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0, {}};
+  if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
   if (truth.empty()) {
     output.discard("groundtruth.tum");
@@ -214,6 +244,16 @@ int runOdometry(const Options& options) {
   output.commit();
   if (!options.quiet) std::cout << formatTable(run.rows(), info);
   return 0;
+}
+
+/// The tables in README: what the node reads when it starts, and what may change while it runs.
+std::string formatAllParameters() {
+  ParameterRows node;
+  const NodeParameters defaults;
+  visitNodeParameters(defaults, node);
+  return "The core, here with `--set`; these may be changed while the node runs:\n\n" +
+         formatParameterTable() + "\nThe node; these are read when it starts:\n\n" +
+         formatMarkdownTable(node.rows);
 }
 
 int runCommandLine(int argc, char** argv) {
@@ -235,7 +275,7 @@ int runCommandLine(int argc, char** argv) {
       ("features-images", po::value(&options.features_every)->value_name("N"),
        "write a picture of the features of every Nth frame to DIR/features")
       ("quiet", po::bool_switch(&options.quiet), "no progress bar and no table")
-      ("print-parameters", "print the table of parameters (Markdown) and end")
+      ("print-parameters", "print the tables of parameters (Markdown) and end")
       ("help,h", "print this help and end");
   // clang-format on
   po::options_description all(visible);
@@ -247,13 +287,16 @@ int runCommandLine(int argc, char** argv) {
                  "sequence or the synthetic world, and writes to DIR: trajectory.tum,\n"
                  "trajectory.kitti, frames.csv, summary.json and, where the true motion is known,\n"
                  "groundtruth.tum. Poses are of the left camera, the first estimate is identity.\n"
+                 "The yaml of a recording of the nodelet is replayed from the state in which it\n"
+                 "began, with its parameters where no others are given, and compared; its poses\n"
+                 "are in odom.\n"
                  "The synthetic world: synthetic:SCENE[,name=value ...], for example\n"
                  "synthetic:street,seed=7,frames=400; 'synthetic_world --help' has the options.\n\n"
               << visible;
     return 0;
   }
   if (values.count("print-parameters") > 0) {
-    std::cout << formatParameterTable();
+    std::cout << formatAllParameters();
     return 0;
   }
   if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");

@@ -9,6 +9,7 @@
 #include <locale>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -17,6 +18,7 @@
 #include "dataset/classic_stream.h"
 #include "point_line_odometry/stereo_odometry.h"
 #include "point_line_odometry/trajectory.h"
+#include "tools/recording_source.h"
 
 namespace point_line_odometry {
 
@@ -37,6 +39,7 @@ struct RunInfo {
   std::string input;
   std::size_t unpaired_images = 0;
   double wall_s = 0.0;
+  std::optional<RecordingComparison> recording;  ///< of the replay of a recording
 };
 
 /// Mean and quantiles of a series.
@@ -187,6 +190,17 @@ inline std::size_t countState(const std::vector<FrameRow>& rows, TrackingState s
       rows.begin(), rows.end(), [state](const FrameRow& row) { return row.state == state; }));
 }
 
+/// A member of summary.json: how near the replay of a recording came; empty if it was none.
+inline std::string formatRecordingJson(const std::optional<RecordingComparison>& recording) {
+  if (!recording) return "";
+  std::ostringstream text = classicStream();
+  text << "  \"recording\": {\"frames\": " << recording->frames
+       << ", \"equal_frames\": " << recording->equal
+       << ", \"max_distance_m\": " << recording->max_distance_m
+       << ", \"max_angle_deg\": " << recording->max_angle_rad * 180.0 / M_PI << "},\n";
+  return text.str();
+}
+
 /// summary.json: what a script wants to know of the run.
 inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& info) {
   std::map<std::string, std::size_t> states;
@@ -200,11 +214,12 @@ inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const Ru
        << ",\n  \"degraded\": " << countState(rows, TrackingState::kDegraded)
        << ",\n  \"lost\": " << countState(rows, TrackingState::kLost)
        << ",\n  \"states\": " << formatHistogramJson(states)
-       << ",\n  \"reasons\": " << formatHistogramJson(reasons)
-       << ",\n  \"unpaired_images\": " << info.unpaired_images << ",\n  \"wall_s\": " << info.wall_s
-       << ",\n  \"peak_memory_MB\": " << peakMemory_MB() << ",\n  \"times\": {"
-       << formatStatisticsJson(collectTimes(rows), "_ms") << "\n  },\n  \"counts\": {"
-       << formatStatisticsJson(collectCounts(rows), "") << "\n  }\n}\n";
+       << ",\n  \"reasons\": " << formatHistogramJson(reasons) << ",\n"
+       << formatRecordingJson(info.recording) << "  \"unpaired_images\": " << info.unpaired_images
+       << ",\n  \"wall_s\": " << info.wall_s << ",\n  \"peak_memory_MB\": " << peakMemory_MB()
+       << ",\n  \"times\": {" << formatStatisticsJson(collectTimes(rows), "_ms")
+       << "\n  },\n  \"counts\": {" << formatStatisticsJson(collectCounts(rows), "")
+       << "\n  }\n}\n";
   return text.str();
 }
 
@@ -233,6 +248,12 @@ inline std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo&
        << countState(rows, TrackingState::kDegraded) << " degraded, "
        << countState(rows, TrackingState::kLost) << " lost; peak memory " << peakMemory_MB()
        << " MB\n";
+  if (info.recording) {
+    text << info.recording->equal << " of " << info.recording->frames
+         << " frames equal those of the recording bit for bit; largest difference "
+         << 1000.0 * info.recording->max_distance_m << " mm, "
+         << info.recording->max_angle_rad * 180.0 / M_PI << " deg\n";
+  }
   return text.str();
 }
 

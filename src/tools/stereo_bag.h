@@ -2,84 +2,20 @@
 
 #include <nav_msgs/Path.h>
 #include <ros/names.h>
-#include <rosbag/bag.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
 #include <iostream>
 #include <string>
 #include <vector>
 
+#include "ros/bag_file.h"
 #include "ros/camera_messages.h"
 #include "ros/conversions.h"
 #include "tools/stereo_source.h"
 
 namespace point_line_odometry {
-
-/// A bag that gets its name when it is whole; without commit() nothing is left of it.
-class BagFile {
- public:
-  BagFile(const std::string& file, rosbag::CompressionType compression)
-      : file_(file), part_(file + ".part") {
-    try {
-      bag_.open(part_, rosbag::bagmode::Write);
-    } catch (const rosbag::BagException&) {
-      throw InputError("bag '" + file + "' cannot be written: give a file in a folder that is " +
-                       "there and that you may write to");
-    }
-    bag_.setCompression(compression);
-  }
-
-  ~BagFile() {
-    if (committed_) return;
-    try {
-      bag_.close();
-    } catch (const rosbag::BagException&) {
-      // It is thrown away anyway.
-    }
-    std::error_code ignored;
-    std::filesystem::remove(part_, ignored);
-  }
-  BagFile(const BagFile&) = delete;
-  BagFile& operator=(const BagFile&) = delete;
-
-  template <typename Message>
-  void write(const std::string& topic, const ros::Time& stamp, const Message& message) {
-    bag_.write(topic, stamp, message);
-  }
-
-  /// Writes a message that a player publishes latched.
-  template <typename Message>
-  void writeLatched(const std::string& topic, const ros::Time& stamp, const Message& message) {
-    const auto header = boost::make_shared<ros::M_string>();
-    (*header)["topic"] = topic;
-    (*header)["type"] = ros::message_traits::datatype(message);
-    (*header)["md5sum"] = ros::message_traits::md5sum(message);
-    (*header)["message_definition"] = ros::message_traits::definition(message);
-    (*header)["callerid"] = "/dataset_to_bag";
-    (*header)["latching"] = "1";
-    bag_.write(topic, stamp, message, header);
-  }
-
-  void commit() {
-    bag_.close();
-    std::error_code error;
-    std::filesystem::rename(part_, file_, error);
-    if (error) {
-      throw InputError("bag '" + file_ + "' cannot be written (" + error.message() +
-                       "): give another name");
-    }
-    committed_ = true;
-  }
-
- private:
-  std::string file_;
-  std::string part_;
-  rosbag::Bag bag_;
-  bool committed_ = false;
-};
 
 /// Where and how a stereo bag is written.
 struct StereoBagOptions {
@@ -99,7 +35,7 @@ class StereoBag {
   StereoBag(const StereoBagOptions& options, const StereoSource& source)
       : source_(source),
         name_space_(normalizeNamespace(options.name_space)),
-        bag_(options.file, toCompression(options.compression)) {}
+        bag_(options.file, toCompression(options.compression), "/dataset_to_bag") {}
 
   std::string imageTopic(const char* side) const {
     return name_space_ + "/" + side + "/" + imageTopicName(source_.needsRectification());

@@ -1,0 +1,257 @@
+#pragma once
+
+/// \file
+/// The state of the odometry as bytes, and back. A type of the state names its members by a
+/// function state() of its own or by stateOf() here. Both unpack the type by a structured binding,
+/// so that a member that is added and not named does not compile.
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "map/landmarks.h"
+#include "point_line_odometry/matching.h"
+#include "point_line_odometry/motion.h"
+#include "point_line_odometry/pose_integrator.h"
+
+namespace point_line_odometry {
+
+template <int kSize, int kFreedoms>
+auto stateOf(Belief<kSize, kFreedoms>& belief) {
+  auto& [value, spread] = belief;
+  return std::tie(value, spread);
+}
+
+inline auto stateOf(Sightings& sightings) {
+  auto& [seen, missed, last_keyframe] = sightings;
+  return std::tie(seen, missed, last_keyframe);
+}
+
+inline auto stateOf(MapPoint& point) {
+  auto& [id, place, sightings, patch_axes, patch, left, right] = point;
+  return std::tie(id, place, sightings, patch_axes, patch, left, right);
+}
+
+inline auto stateOf(MapLine& line) {
+  auto& [id, place, sightings, left, right] = line;
+  return std::tie(id, place, sightings, left, right);
+}
+
+inline auto stateOf(PointSight& sight) {
+  auto& [left_px, right_px, sigma_px] = sight;
+  return std::tie(left_px, right_px, sigma_px);
+}
+
+inline auto stateOf(LineSight& sight) {
+  auto& [left_start_px, left_end_px, right_start_px, right_end_px, sigma_px] = sight;
+  return std::tie(left_start_px, left_end_px, right_start_px, right_end_px, sigma_px);
+}
+
+inline auto stateOf(PointFeature& feature) {
+  auto& [pixel, angle_rad, response, octave, descriptor] = feature;
+  return std::tie(pixel, angle_rad, response, octave, descriptor);
+}
+
+inline auto stateOf(LineSegment& segment) {
+  auto& [start, end] = segment;
+  return std::tie(start, end);
+}
+
+inline auto stateOf(LineFeature& feature) {
+  auto& [segment, descriptor] = feature;
+  return std::tie(segment, descriptor);
+}
+
+inline auto stateOf(DetectedFeatures& features) {
+  auto& [points_left, points_right, lines_left, lines_right] = features;
+  return std::tie(points_left, points_right, lines_left, lines_right);
+}
+
+inline auto stateOf(TriangulatedPoint& point) {
+  auto& [p_camera, covariance] = point;
+  return std::tie(p_camera, covariance);
+}
+
+inline auto stateOf(TriangulatedLine& line) {
+  auto& [start_camera, end_camera, covariance] = line;
+  return std::tie(start_camera, end_camera, covariance);
+}
+
+inline auto stateOf(StereoPoint& point) {
+  auto& [left, right, right_px, sigma_px, triangulated] = point;
+  return std::tie(left, right, right_px, sigma_px, triangulated);
+}
+
+inline auto stateOf(StereoLine& line) {
+  auto& [left, right, triangulated] = line;
+  return std::tie(left, right, triangulated);
+}
+
+inline auto stateOf(StereoFrame& frame) {
+  auto& [stamp_ns, left_image, features, points, lines] = frame;
+  return std::tie(stamp_ns, left_image, features, points, lines);
+}
+
+inline auto stateOf(CameraVelocity& velocity) {
+  auto& [value, covariance, measured_over_s, stamp_ns] = velocity;
+  return std::tie(value, covariance, measured_over_s, stamp_ns);
+}
+
+template <typename Type>
+auto stateOf(Type& object) -> decltype(object.state()) {
+  return object.state();
+}
+
+/// What writing and reading have in common: how each kind of value is taken apart. `Direction` has
+/// bytes(data, size) for memory, and count(n) for the number of elements that follow.
+template <typename Direction>
+class StateArchive : public Direction {
+ public:
+  using Direction::Direction;
+
+  template <typename T>
+  void visit(T& value) {
+    if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
+      Direction::bytes(&value, sizeof(T));
+    } else {
+      visitMembers(stateOf(value),
+                   std::make_index_sequence<std::tuple_size_v<decltype(stateOf(value))>>());
+    }
+  }
+
+  template <typename Scalar, int kRows, int kColumns>
+  void visit(Eigen::Matrix<Scalar, kRows, kColumns>& matrix) {
+    static_assert(kRows != Eigen::Dynamic && kColumns != Eigen::Dynamic);
+    Direction::bytes(matrix.data(), sizeof(Scalar) * kRows * kColumns);
+  }
+
+  void visit(Eigen::Isometry3d& T) { visit(T.matrix()); }
+
+  template <typename T, std::size_t kSize>
+  void visit(std::array<T, kSize>& values) {
+    static_assert(std::is_arithmetic_v<T>);
+    Direction::bytes(values.data(), sizeof(values));
+  }
+
+  template <typename T>
+  void visit(std::vector<T>& values) {
+    visitElements(values);
+  }
+
+  template <typename T>
+  void visit(std::deque<T>& values) {
+    visitElements(values);
+  }
+
+  template <typename T>
+  void visit(std::optional<T>& value) {
+    if (Direction::count(value ? 1 : 0) == 0) {
+      value.reset();
+    } else {
+      if (!value) value.emplace();
+      visit(*value);
+    }
+  }
+
+  /// \param image CV_8UC1.
+  void visit(cv::Mat& image) {
+    int size[2] = {image.rows, image.cols};
+    Direction::bytes(size, sizeof(size));
+    Direction::resize(size, &image);
+    for (int v = 0; v < image.rows; ++v)
+      Direction::bytes(image.ptr(v), static_cast<std::size_t>(image.cols));
+  }
+
+ private:
+  template <typename Container>
+  void visitElements(Container& values) {
+    values.resize(Direction::count(values.size()));
+    for (auto& value : values) visit(value);
+  }
+
+  template <typename Members, std::size_t... kIndices>
+  void visitMembers(Members members, std::index_sequence<kIndices...>) {
+    Direction::mark(sizeof...(kIndices));
+    (visit(std::get<kIndices>(members)), ...);
+  }
+};
+
+/// Values to bytes.
+class ToBytes {
+ public:
+  std::string take() { return std::move(written_); }
+
+ protected:
+  void bytes(const void* data, std::size_t size) {
+    written_.append(static_cast<const char*>(data), size);
+  }
+  std::size_t count(std::uint64_t n) {
+    bytes(&n, sizeof(n));
+    return n;
+  }
+  void mark(std::uint8_t num_members) { bytes(&num_members, 1); }
+  static void resize(const int*, cv::Mat*) {}
+
+ private:
+  std::string written_;
+};
+
+/// Bytes to values. Throws std::invalid_argument where the bytes end early or are of another kind.
+class FromBytes {
+ public:
+  /// \param bytes must outlive this.
+  explicit FromBytes(const std::string& bytes) : data_(bytes.data()), left_(bytes.size()) {}
+
+  void requireEnd() const {
+    if (left_ > 0) refuse();
+  }
+
+ protected:
+  void bytes(void* data, std::size_t size) {
+    if (size > left_) refuse();
+    std::memcpy(data, data_, size);
+    data_ += size;
+    left_ -= size;
+  }
+  std::size_t count(std::uint64_t) {
+    std::uint64_t n = 0;
+    bytes(&n, sizeof(n));
+    if (n > left_) refuse();  // every element takes a byte at least
+    return n;
+  }
+  void mark(std::uint8_t num_members) {
+    std::uint8_t written = 0;
+    bytes(&written, 1);
+    if (written != num_members) refuse();
+  }
+  void resize(const int* size, cv::Mat* image) const {
+    const bool fits = size[0] >= 0 && size[1] >= 0 &&
+                      static_cast<double>(size[0]) * size[1] <= static_cast<double>(left_);
+    if (!fits) refuse();
+    image->create(size[0], size[1], CV_8UC1);
+  }
+
+ private:
+  [[noreturn]] static void refuse() {
+    throw std::invalid_argument(
+        "the state of the odometry is damaged, or of another version of this package");
+  }
+
+  const char* data_;
+  std::size_t left_;
+};
+
+using StateWriter = StateArchive<ToBytes>;
+using StateReader = StateArchive<FromBytes>;
+
+}  // namespace point_line_odometry

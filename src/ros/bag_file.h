@@ -1,0 +1,98 @@
+#pragma once
+
+#include <fcntl.h>
+#include <ros/message_traits.h>
+#include <rosbag/bag.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "point_line_odometry/input_error.h"
+
+namespace point_line_odometry {
+
+/// A bag that gets its name when it is whole; without commit() nothing is left of it. Throws
+/// InputError if it cannot be made or named, rosbag::BagException if it cannot be written to.
+class BagFile {
+ public:
+  /// \param writer what the bag says of latched messages, who published them.
+  BagFile(const std::string& file, rosbag::CompressionType compression, const std::string& writer)
+      : file_(file), part_(file + ".part"), writer_(writer) {
+    try {
+      bag_.open(part_, rosbag::bagmode::Write);
+    } catch (const rosbag::BagException&) {
+      closeAnyhow();
+      throw InputError("bag '" + file + "' cannot be written: give a file in a folder that is " +
+                       "there and that you may write to");
+    }
+    bag_.setCompression(compression);
+  }
+
+  ~BagFile() {
+    if (committed_) return;
+    closeAnyhow();
+    std::error_code ignored;
+    std::filesystem::remove(part_, ignored);
+  }
+  BagFile(const BagFile&) = delete;
+  BagFile& operator=(const BagFile&) = delete;
+
+  template <typename Message>
+  void write(const std::string& topic, const ros::Time& stamp, const Message& message) {
+    bag_.write(topic, stamp, message);
+  }
+
+  /// Writes a message that a player publishes latched.
+  template <typename Message>
+  void writeLatched(const std::string& topic, const ros::Time& stamp, const Message& message) {
+    const auto header = boost::make_shared<ros::M_string>();
+    (*header)["topic"] = topic;
+    (*header)["type"] = ros::message_traits::datatype(message);
+    (*header)["md5sum"] = ros::message_traits::md5sum(message);
+    (*header)["message_definition"] = ros::message_traits::definition(message);
+    (*header)["callerid"] = writer_;
+    (*header)["latching"] = "1";
+    bag_.write(topic, stamp, message, header);
+  }
+
+  void commit() {
+    bag_.close();
+    std::error_code error;
+    std::filesystem::rename(part_, file_, error);
+    if (error) {
+      throw InputError("bag '" + file_ + "' cannot be written (" + error.message() +
+                       "): give another name");
+    }
+    committed_ = true;
+  }
+
+ private:
+  /// A bag that cannot be written to, for want of room, cannot be closed either: its destructor
+  /// would throw and end the process. So what it still writes goes nowhere.
+  void closeAnyhow() {
+    namespace fs = std::filesystem;
+    std::error_code error;
+    const fs::path part = fs::canonical(part_, error);
+    const int nowhere = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+    for (const fs::directory_entry& entry : fs::directory_iterator("/proc/self/fd", error)) {
+      if (nowhere >= 0 && !part.empty() && fs::read_symlink(entry.path(), error) == part)
+        ::dup2(nowhere, std::stoi(entry.path().filename().string()));
+    }
+    if (nowhere >= 0) ::close(nowhere);
+    try {
+      bag_.close();
+    } catch (const rosbag::BagException&) {
+      // It is thrown away anyway.
+    }
+  }
+
+  std::string file_;
+  std::string part_;
+  std::string writer_;
+  rosbag::Bag bag_;
+  bool committed_ = false;
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <dynamic_reconfigure/Config.h>
+#include <dynamic_reconfigure/ConfigDescription.h>
+#include <dynamic_reconfigure/server.h>
+#include <ros/node_handle.h>
+
+#include <boost/thread/recursive_mutex.hpp>
+#include <cstdint>
+#include <functional>
+
+#include "point_line_odometry/parameters.h"
+
+namespace point_line_odometry {
+
+/// The core's parameters as dynamic_reconfigure::Server wants them; all is made of the one table
+/// (visitParameters()), so that there is no .cfg file. Names are those of the table, and the
+/// sections before their slashes are groups.
+struct ReconfigurableParameters {
+  Parameters values;
+
+  // Names that the server dictates. NOLINTBEGIN(bugprone-reserved-identifier)
+  /// The values that are on the parameter server; those that do not fit are left as they are.
+  void __fromServer__(const ros::NodeHandle& private_nh);
+  void __toServer__(const ros::NodeHandle& private_nh) const;
+  /// The values that the message names.
+  void __fromMessage__(const dynamic_reconfigure::Config& message);
+  void __toMessage__(dynamic_reconfigure::Config& message) const;
+  /// Nothing: what is out of its range is refused.
+  void __clamp__() const {}
+  std::uint32_t __level__(const ReconfigurableParameters&) const { return 1; }
+  static ReconfigurableParameters __getDefault__() { return {}; }
+  static ReconfigurableParameters __getMin__();
+  static ReconfigurableParameters __getMax__();
+  static dynamic_reconfigure::ConfigDescription __getDescriptionMessage__();
+  // NOLINTEND(bugprone-reserved-identifier)
+};
+
+/// Offers the core's parameters to dynamic_reconfigure. What is not allowed, alone or together with
+/// the rest, is refused as a whole with a message in the log, and those in force are shown back.
+class Reconfiguration {
+ public:
+  /// \param private_nh where the parameters are; its callback queue calls `apply`.
+  /// \param in_force what the node has started with.
+  /// \param apply takes other parameters; they are allowed.
+  Reconfiguration(const ros::NodeHandle& private_nh, const Parameters& in_force,
+                  std::function<void(const Parameters&)> apply);
+
+ private:
+  void take(ReconfigurableParameters* wanted);
+
+  Parameters in_force_;
+  std::function<void(const Parameters&)> apply_;
+  boost::recursive_mutex mutex_;  // held by the server during take()
+  dynamic_reconfigure::Server<ReconfigurableParameters> server_;
+};
+
+}  // namespace point_line_odometry

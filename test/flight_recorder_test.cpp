@@ -1,0 +1,293 @@
+/// The ring of the flight recorder and what it writes, without a node.
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+#include <yaml-cpp/yaml.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "ros/camera_messages.h"
+#include "ros/frame_ring.h"
+#include "ros/recording_writer.h"
+#include "synthetic_scene.h"
+#include "tools/recording_source.h"
+
+namespace point_line_odometry {
+namespace {
+
+namespace fs = std::filesystem;
+
+sensor_msgs::CameraInfoConstPtr cameraInfo(double baseline_m, const std_msgs::Header& header) {
+  const StereoCamera camera = synthetic::roomCamera();
+  const auto info = boost::make_shared<sensor_msgs::CameraInfo>();
+  info->header = header;
+  info->width = static_cast<std::uint32_t>(camera.width);
+  info->height = static_cast<std::uint32_t>(camera.height);
+  info->P = {camera.fx, 0, camera.cx, -camera.fx * baseline_m, 0, camera.fy, camera.cy, 0, 0,
+             0,         1, 0};
+  return info;
+}
+
+StereoMessages messagesOf(const StereoImages& images) {
+  ros::Time stamp;
+  stamp.fromNSec(static_cast<std::uint64_t>(images.stamp_ns));
+  const std_msgs::Header header = makeHeader("camera", stamp);
+  return {toImageMessage(images.left, header), toImageMessage(images.right, header),
+          cameraInfo(0.0, header), cameraInfo(synthetic::roomCamera().baseline_m, header)};
+}
+
+class FlightRecorderTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "point_line_recorder_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    root_ = name;
+    target_.name_space = "/stereo";
+    target_.node = "/stereo/odometry";
+    target_.parameters.recorder.folder = root_.string();
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  /// Processes frames [begin, end) of the room and keeps them.
+  void drive(int begin, int end, FrameProcessor* processor, FrameRing* ring) {
+    processor->observeStarts([this, ring](const FrameStart& start) {
+      ring->prepare(start);
+      parameters_ = std::make_shared<const Parameters>(start.odometry.parameters());
+    });
+    for (int k = begin; k < end; ++k) {
+      const StereoMessages messages = messagesOf(synthetic::frame(k));
+      last_left_ = messages.left;
+      const ProcessedFrame frame = processor->process(messages, Eigen::Isometry3d::Identity());
+      ring->add({messages, toOdometry(frame, {"odom", "base_link"}), frame.result.state,
+                 frame.result.reason, frame.result.T_odom_camera, frame.T_base_camera,
+                 parameters_});
+    }
+  }
+
+  /// A recording of `frames` frames from the start.
+  Recording record(int frames) {
+    FrameProcessor processor{AllParameters()};
+    FrameRing ring(100, 1000000000);
+    drive(0, frames, &processor, &ring);
+    return ring.recording();
+  }
+
+  /// Reads a recording back and processes it.
+  RecordingComparison replay(const fs::path& yaml, const std::optional<Parameters>& instead = {}) {
+    RecordingReplay replay(RecordingReader::read(yaml.string()));
+    BagSource source({replay.run().bag, replay.run().topics, replay.run().max_interval_ns});
+    StereoOdometry odometry(rectifiedCamera(source.calibration()), replay.run().parameters);
+    replay.begin(instead, &odometry);
+    while (const std::optional<StereoImages> images = source.next()) {
+      replay.prepare(images->stamp_ns, &odometry);
+      replay.compare(odometry.process(*images));
+    }
+    return replay.comparison();
+  }
+
+  std::set<std::string> files() const {
+    std::set<std::string> names;
+    for (const auto& entry : fs::recursive_directory_iterator(root_))
+      if (entry.is_regular_file()) names.insert(entry.path().filename().string());
+    return names;
+  }
+
+  fs::path root_;
+  RecordingTarget target_;
+  std::shared_ptr<const Parameters> parameters_;
+  sensor_msgs::ImageConstPtr last_left_;
+};
+
+// --- The ring
+
+TEST_F(FlightRecorderTest, HoldsBetweenHalfAndAllOfItsFramesAndSharesTheImages) {
+  FrameProcessor processor{AllParameters()};
+  FrameRing ring(4, 1000000000);
+  EXPECT_EQ(ring.recording().start, nullptr);
+  const std::vector<std::size_t> expected{1, 2, 3, 4, 3, 4, 3, 4};
+  for (int k = 0; k < synthetic::kFrames; ++k) {
+    drive(k, k + 1, &processor, &ring);
+    const Recording recording = ring.recording();
+    ASSERT_EQ(recording.frames.size(), expected[k]) << k;
+    ASSERT_NE(recording.start, nullptr);
+    const auto stamp_ns = (k + 1) * synthetic::kPeriodNs;
+    EXPECT_EQ(toNanoseconds(recording.frames.back().odometry.header.stamp), stamp_ns);
+    EXPECT_EQ(recording.frames.back().messages.left, last_left_) << "the image was copied";
+  }
+}
+
+TEST_F(FlightRecorderTest, ImagesBeyondTheMemoryAreGivenUp) {
+  const StereoCamera camera = synthetic::roomCamera();
+  const auto pair_bytes = static_cast<std::size_t>(2 * camera.width * camera.height);
+  FrameProcessor processor{AllParameters()};
+  FrameRing ring(1000, 4 * pair_bytes);
+  drive(0, synthetic::kFrames, &processor, &ring);
+  EXPECT_EQ(ring.recording().frames.size(), 4U);
+}
+
+TEST_F(FlightRecorderTest, AResetOrAnotherCalibrationBeginsAnew) {
+  FrameProcessor processor{AllParameters()};
+  FrameRing ring(100, 1000000000);
+  drive(0, 3, &processor, &ring);
+  Eigen::Isometry3d elsewhere = Eigen::Isometry3d::Identity();
+  elsewhere.translation().x() = 7.0;
+  processor.reset(elsewhere);
+  drive(3, 5, &processor, &ring);
+  EXPECT_EQ(ring.recording().frames.size(), 2U);
+  EXPECT_EQ(ring.recording().start->T_odom_base.translation().x(), 7.0);
+
+  StereoMessages messages = messagesOf(synthetic::frame(5));
+  messages.right_info = cameraInfo(0.3, messages.left->header);
+  processor.process(messages, Eigen::Isometry3d::Identity());
+  EXPECT_EQ(ring.recording().frames.size(), 0U);
+  ASSERT_NE(ring.recording().start, nullptr);
+  EXPECT_NEAR(ring.recording().start->T_odom_base.translation().x(), 7.0, 1.0);
+}
+
+TEST_F(FlightRecorderTest, OtherParametersDoNotBeginAnew) {
+  FrameProcessor processor{AllParameters()};
+  FrameRing ring(100, 1000000000);
+  drive(0, 3, &processor, &ring);
+  Parameters fewer;
+  fewer.lines.max_count = 40;
+  processor.setParameters(fewer);
+  drive(3, 6, &processor, &ring);
+  const Recording recording = ring.recording();
+  ASSERT_EQ(recording.frames.size(), 6U);
+  EXPECT_EQ(recording.frames[2].parameters->lines.max_count, 300);
+  EXPECT_EQ(recording.frames[3].parameters->lines.max_count, 40);
+
+  const RecordingFiles files = writeRecording(recording, target_, "asked");
+  const RecordingComparison comparison = replay(files.yaml);
+  EXPECT_EQ(comparison.frames, 6U);
+  EXPECT_EQ(comparison.equal, 6U);
+  EXPECT_LT(replay(files.yaml, Parameters()).equal, 6U) << "the change makes no difference";
+}
+
+// --- The files
+
+TEST_F(FlightRecorderTest, FilesHoldAllThatAReplayNeeds) {
+  FrameProcessor processor{AllParameters()};
+  FrameRing ring(6, 1000000000);
+  drive(0, synthetic::kFrames, &processor, &ring);
+  const Recording recording = ring.recording();
+  ASSERT_EQ(recording.frames.size(), 5U);
+  const RecordingFiles files = writeRecording(recording, target_, "lost");
+  EXPECT_EQ(files.yaml.parent_path(), root_ / "stereo_odometry");
+  const RecordingComparison comparison = replay(files.yaml);
+  EXPECT_EQ(comparison.frames, 5U);
+  EXPECT_EQ(comparison.equal, 5U);
+  EXPECT_EQ(comparison.max_distance_m, 0.0);
+
+  const YAML::Node yaml = YAML::LoadFile(files.yaml.string());
+  EXPECT_FALSE(yaml["version"].as<std::string>().empty());
+  EXPECT_EQ(yaml["reason"].as<std::string>(), "lost");
+  EXPECT_EQ(yaml["left_topic"].as<std::string>(), "/stereo/left/image_rect");
+  EXPECT_EQ(yaml["parameters"].size(), parameterTexts({}).size());
+  EXPECT_EQ(yaml["T_odom_base"].as<std::vector<double>>()[3],
+            recording.start->T_odom_base.translation().x());
+  EXPECT_EQ(yaml["frames"].size(), 5U);
+  EXPECT_EQ(yaml["frames"][4]["state"].as<std::string>(), "ok");
+}
+
+TEST_F(FlightRecorderTest, EveryDigitOfTheParametersIsKept) {
+  AllParameters parameters;
+  parameters.core.motion.huber_delta = 1.0 / 3.0 + 1.0;
+  parameters.core.motion.residual_images = "left";
+  parameters.core.matching.refine_subpixel = false;
+  FrameProcessor processor(parameters);
+  FrameRing ring(100, 1000000000);
+  drive(0, 2, &processor, &ring);
+  const RecordingFiles files = writeRecording(ring.recording(), target_, "asked");
+  const Parameters read = RecordingReader::read(files.yaml.string()).parameters;
+  EXPECT_EQ(read.motion.huber_delta, parameters.core.motion.huber_delta);
+  EXPECT_TRUE(changedParameters(parameters.core, read).empty());
+}
+
+TEST_F(FlightRecorderTest, KeepsTheNewestOfEachReasonAndNothingElseGoes) {
+  const Recording recording = record(1);
+  target_.parameters.recorder.max_files = 2;
+  fs::create_directories(target_.folder());
+  std::ofstream(target_.folder() / "mine-lost.bag") << "not a recording's name";
+  const RecordingFiles asked = writeRecording(recording, target_, "asked");
+  std::vector<RecordingFiles> lost;
+  for (int i = 0; i < 4; ++i) {
+    lost.push_back(writeRecording(recording, target_, "lost"));
+    usleep(2000);  // names differ in the millisecond
+  }
+  for (int i = 0; i < 4; ++i) {
+    for (const fs::path& file : {lost[i].bag, lost[i].yaml, lost[i].state})
+      EXPECT_EQ(fs::exists(file), i >= 2) << file;
+  }
+  EXPECT_TRUE(fs::exists(asked.yaml));
+  EXPECT_TRUE(fs::exists(target_.folder() / "mine-lost.bag"));
+  EXPECT_EQ(files().size(), 3 * 3 + 1U);
+}
+
+TEST_F(FlightRecorderTest, NothingIsLeftWhenTheDiskIsFull) {
+  const Recording recording = record(2);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old_limit{};
+  getrlimit(RLIMIT_FSIZE, &old_limit);
+  rlimit limit = old_limit;
+  limit.rlim_cur = 100000;
+  setrlimit(RLIMIT_FSIZE, &limit);
+  try {
+    writeRecording(recording, target_, "lost");
+    ADD_FAILURE() << "was not refused";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("make room on disk"), std::string::npos)
+        << error.what();
+  }
+  setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_TRUE(files().empty());
+  EXPECT_NO_THROW(writeRecording(recording, target_, "lost"));
+}
+
+TEST_F(FlightRecorderTest, WhatCannotBeWrittenIsRefused) {
+  EXPECT_THROW(writeRecording(Recording(), target_, "asked"), std::runtime_error);
+  std::ofstream(root_ / "file") << "no folder";
+  target_.parameters.recorder.folder = (root_ / "file").string();
+  EXPECT_THROW(writeRecording(record(1), target_, "asked"), std::runtime_error);
+}
+
+TEST_F(FlightRecorderTest, FolderIsInRosHomeUnlessItIsAbsolute) {
+  setenv("ROS_HOME", "/some/home", 1);
+  target_.parameters.recorder.folder = "recordings";
+  EXPECT_EQ(target_.folder(), "/some/home/recordings/stereo_odometry");
+  target_.parameters.recorder.folder = "/data";
+  EXPECT_EQ(target_.folder(), "/data/stereo_odometry");
+  unsetenv("ROS_HOME");
+  setenv("HOME", "/home/robot", 1);
+  target_.parameters.recorder.folder = "recordings";
+  EXPECT_EQ(target_.folder(), "/home/robot/.ros/recordings/stereo_odometry");
+}
+
+TEST_F(FlightRecorderTest, DamagedFilesAreRefused) {
+  const RecordingFiles files = writeRecording(record(2), target_, "asked");
+  const auto refusal = [&] {
+    try {
+      replay(files.yaml);
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal(), "");
+  fs::resize_file(files.state, fs::file_size(files.state) / 2);
+  EXPECT_NE(refusal().find("damaged"), std::string::npos) << refusal();
+  fs::remove(files.state);
+  EXPECT_NE(refusal().find("missing"), std::string::npos) << refusal();
+  std::ofstream(files.yaml) << "bag: [1, 2";
+  EXPECT_NE(refusal().find("cannot be read"), std::string::npos) << refusal();
+  std::ofstream(files.yaml) << "points: {levels: 3}\n";
+  EXPECT_NE(refusal().find("cannot be read"), std::string::npos) << refusal();
+}
+
+}  // namespace
+}  // namespace point_line_odometry
