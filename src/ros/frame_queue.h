@@ -3,6 +3,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
@@ -23,32 +24,38 @@ class FrameQueue {
   bool push(Item item) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const bool full = items_.size() >= capacity_;
-    if (full) items_.pop_front();
+    if (full) removeOldest();
     items_.push_back(std::move(item));
     changed_.notify_one();
     return !full;
   }
 
   /// Waits for an item for which `ready` is true (asked again every `retry` for the oldest item)
-  /// and takes it out. Returns nothing once the queue is stopped.
+  /// and takes it out. Returns nothing once the queue is stopped. push() does not wait for `ready`,
+  /// however long that takes.
   std::optional<Item> popWhen(const std::function<bool(const Item&)>& ready,
                               std::chrono::milliseconds retry) {
     std::unique_lock<std::mutex> lock(mutex_);
     while (true) {
       changed_.wait(lock, [this] { return stopped_ || !items_.empty(); });
       if (stopped_) return std::nullopt;
-      if (ready(items_.front())) break;
-      changed_.wait_for(lock, retry, [this] { return stopped_; });
-      if (stopped_) return std::nullopt;
+      const Item oldest = items_.front();
+      const std::uint64_t number = num_removed_;
+      lock.unlock();
+      const bool is_ready = ready(oldest);
+      lock.lock();
+      if (is_ready && !stopped_ && number == num_removed_) {
+        removeOldest();
+        return oldest;
+      }
+      if (!is_ready) changed_.wait_for(lock, retry, [this] { return stopped_; });
     }
-    std::optional<Item> item(std::move(items_.front()));
-    items_.pop_front();
-    return item;
   }
 
   /// Drops everything that waits.
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
+    num_removed_ += items_.size();
     items_.clear();
   }
 
@@ -60,10 +67,16 @@ class FrameQueue {
   }
 
  private:
+  void removeOldest() {
+    items_.pop_front();
+    ++num_removed_;
+  }
+
   const std::size_t capacity_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Item> items_;
+  std::uint64_t num_removed_ = 0;  // ever; tells whether the oldest item is still the same
   bool stopped_ = false;
 };
 
