@@ -14,7 +14,6 @@
 
 #include "ros/conversions.h"
 #include "ros/frame_messages.h"
-#include "ros/frame_queue.h"
 #include "ros/node_parameters.h"
 
 namespace point_line_odometry {
@@ -162,33 +161,6 @@ TEST(ParseParameters, DefaultYamlNamesEveryParameterOfTheNodeWithItsDefault) {
   EXPECT_NO_THROW(loadParameters(file, nodeParameterNames())) << "names that no table has";
 }
 
-TEST(FrameQueue, DropsTheOldest) {
-  FrameQueue<int> queue(2);
-  EXPECT_TRUE(queue.push(1));
-  EXPECT_TRUE(queue.push(2));
-  EXPECT_FALSE(queue.push(3));
-  const auto always = [](int) { return true; };
-  EXPECT_EQ(queue.popWhen(always, std::chrono::milliseconds(1)), 2);
-  EXPECT_EQ(queue.popWhen(always, std::chrono::milliseconds(1)), 3);
-}
-
-TEST(FrameQueue, AsksAgainUntilReady) {
-  FrameQueue<int> queue(2);
-  queue.push(1);
-  int asked = 0;
-  const auto third_time = [&asked](int) { return ++asked == 3; };
-  EXPECT_EQ(queue.popWhen(third_time, std::chrono::milliseconds(1)), 1);
-}
-
-TEST(FrameQueue, StopsWhoeverWaits) {
-  FrameQueue<int> queue(2);
-  std::thread waiting([&queue] {
-    EXPECT_FALSE(queue.popWhen([](int) { return true; }, std::chrono::milliseconds(1)));
-  });
-  queue.stop();
-  waiting.join();
-}
-
 TEST(FrameProcessor, BeginsAtTheInitialPoseOfTheBase) {
   FrameProcessor processor(startAt(1.0, 2.0));
   const ProcessedFrame frame = processor.process(makeMessages(10.0), mounting());
@@ -254,6 +226,31 @@ TEST(FrameProcessor, ALateFrameIsNoJumpOfTheClock) {
     EXPECT_FALSE(processor.startedAnew()) << policy;
     EXPECT_EQ(processor.process(makeMessages(21.1), mounting()).result.accepted(), true) << policy;
   }
+}
+
+TEST(FrameProcessor, FeatureBudgetIsAShareOfTheParametersAndNoNewStart) {
+  FrameProcessor processor{AllParameters()};
+  Parameters used;
+  bool continues = false;
+  processor.observeStarts([&](const FrameStart& start) {
+    used = start.odometry.parameters();
+    continues = start.continues;
+  });
+  EXPECT_EQ(processor.process(makeMessages(1.0), mounting()).feature_budget, 1.0);
+  EXPECT_EQ(used.lines.max_count, 300);
+  processor.setFeatureBudget(0.5);
+  EXPECT_EQ(processor.process(makeMessages(1.1), mounting()).feature_budget, 0.5);
+  EXPECT_EQ(used.lines.max_count, 150);
+  EXPECT_EQ(used.points.max_per_cell, 10);
+  EXPECT_TRUE(continues);
+  Parameters core;
+  core.lines.max_count = 100;
+  processor.setParameters(core);
+  processor.process(makeMessages(1.2), mounting());
+  EXPECT_EQ(used.lines.max_count, 50) << "other parameters do not end the saving";
+  processor.setFeatureBudget(1.0);
+  processor.process(makeMessages(1.3), mounting());
+  EXPECT_EQ(used.lines.max_count, 100);
 }
 
 TEST(FrameProcessor, UndoesTheRectifyingRotation) {

@@ -53,6 +53,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   reason_ = frame.result.reason;
   latency_ms_ = latency_ms;
   process_ms_ = frame.result.times.total_ms;
+  feature_budget_ = frame.feature_budget;
   camera_ = frame.camera;
   row_difference_px_ += kSmoothing * (medianRowDifference(frame.result) - row_difference_px_);
   if (std::abs(row_difference_px_) > kMaxRowDifferencePx) {
@@ -130,6 +131,7 @@ void Diagnostics::reportTracking(Status& status) {
   status.add("rate [1/s]", takeRate());
   status.add("latency [ms]", latency_ms_);
   status.add("processing time [ms]", process_ms_);
+  status.add("feature budget", feature_budget_);
   status.add("frames processed", counters_.processed);
   status.add("frames dropped", counters_.dropped);
   status.add("frames rejected", counters_.rejected);

@@ -52,6 +52,7 @@ class Diagnostics {
   TrackingReason reason_ = TrackingReason::kFirstFrame;
   double latency_ms_ = 0.0;
   double process_ms_ = 0.0;
+  double feature_budget_ = 1.0;
   double row_difference_px_ = 0.0;  // of right minus left, smoothed over frames
   StereoCamera camera_;
   std::string problem_;  // of the last frame, empty if there is none

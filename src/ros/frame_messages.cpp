@@ -237,6 +237,7 @@ OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, 
     info.stage_ms.push_back(result.times[stage]);
   }
   info.total_ms = result.times.total_ms;
+  info.feature_budget = frame.feature_budget;
   info.latency_ms = latency_ms;
   info.frames_processed = counters.processed;
   info.frames_dropped = counters.dropped;

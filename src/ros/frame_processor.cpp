@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "odometry/compute_governor.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -41,6 +42,7 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   frame.left = images.left;
   frame.left_message = messages.left;
   frame.camera = calibration_->camera;
+  frame.feature_budget = feature_budget_;
   frame.T_base_camera = T_base_camera_;
   frame.T_header_camera = calibration_->T_header_camera();
   if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
@@ -62,12 +64,22 @@ void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
 }
 
 void FrameProcessor::setParameters(const Parameters& core) {
-  if (odometry_) odometry_->setParameters(core);
   parameters_.core = core;
+  if (odometry_) odometry_->setParameters(budgetedParameters());
 }
 
 void FrameProcessor::observeStarts(std::function<void(const FrameStart&)> observe) {
   observe_start_ = std::move(observe);
+}
+
+void FrameProcessor::setFeatureBudget(double share) {
+  if (share == feature_budget_) return;
+  feature_budget_ = share;
+  if (odometry_) odometry_->setParameters(budgetedParameters());
+}
+
+Parameters FrameProcessor::budgetedParameters() const {
+  return withFeatureBudget(parameters_.core, feature_budget_);
 }
 
 Eigen::Isometry3d FrameProcessor::Calibration::T_header_camera() const {
@@ -120,7 +132,7 @@ void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {
 
 void FrameProcessor::startOdometry() {
   if (!calibration_) return;
-  if (!odometry_) odometry_.emplace(calibration_->camera, parameters_.core);
+  if (!odometry_) odometry_.emplace(calibration_->camera, budgetedParameters());
   odometry_->reset(T_odom_base_ * T_base_camera_);
   continues_ = false;
 }

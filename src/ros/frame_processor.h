@@ -56,6 +56,9 @@ class FrameProcessor {
   /// `observe` is called before each frame that the odometry takes.
   void observeStarts(std::function<void(const FrameStart&)> observe);
 
+  /// Uses this share of the numbers of features in the parameters from the next frame on.
+  void setFeatureBudget(double share);
+
   /// True if the last call of process() found the clock jumped back and began anew.
   bool startedAnew() const { return started_anew_; }
 
@@ -77,6 +80,7 @@ class FrameProcessor {
   void takeCalibration(Calibration calibration);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
+  Parameters budgetedParameters() const;
 
   AllParameters parameters_;
   std::optional<Calibration> calibration_;
@@ -87,6 +91,7 @@ class FrameProcessor {
   bool started_anew_ = false;
   bool continues_ = false;  // nothing has come between the last frame and the next one
   std::function<void(const FrameStart&)> observe_start_;
+  double feature_budget_ = 1.0;
 };
 
 }  // namespace point_line_odometry

@@ -4,6 +4,7 @@
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "odometry/stage_timer.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -37,6 +38,7 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
   const ros::NodeHandle& nh = getNodeHandle();
   const ros::NodeHandle& private_nh = getPrivateNodeHandle();
   parameters_ = parameters.node;
+  governor_ = ComputeGovernor(parameters_.target_frame_time_ms);
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, nh);
   publishers_ = std::make_unique<Publishers>(nh, parameters_);
   diagnostics_ = std::make_unique<Diagnostics>(nh, private_nh, parameters_, getName());
@@ -149,6 +151,7 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 }
 
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
+  const auto begin = StageTimer::Clock::now();
   applyRequests();
   const ProcessedFrame frame = processor_->process(messages, mounting_->second);
   if (frame.result.accepted()) recorder_->add(messages, frame);
@@ -167,6 +170,9 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
                            frame.result.error.c_str());
   }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
+  if (frame.result.accepted()) {
+    processor_->setFeatureBudget(governor_.addFrame(StageTimer::elapsedMs(begin)));
+  }
 }
 
 void StereoOdometryNodelet::applyRequests() {

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "odometry/compute_governor.h"
 #include "ros/diagnostics.h"
 #include "ros/flight_recorder.h"
 #include "ros/frame_processor.h"
@@ -69,6 +70,8 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   /// Place of the camera on the robot: the frame it was looked up for, and the transform. Used by
   /// the worker only.
   std::optional<std::pair<std::string, Eigen::Isometry3d>> mounting_;
+
+  ComputeGovernor governor_{0.0};  // used by the worker only, once it runs
 
   tf2_ros::Buffer tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
