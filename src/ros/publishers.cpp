@@ -5,6 +5,9 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/MarkerArray.h>
 
+#include <boost/make_shared.hpp>
+#include <utility>
+
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -19,6 +22,12 @@ bool movedOn(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_
   const Eigen::Isometry3d T_a_b = T_odom_a.inverse() * T_odom_b;
   return T_a_b.translation().norm() > kStepM ||
          Eigen::AngleAxisd(T_a_b.linear()).angle() > kStepRad;
+}
+
+/// Publishes a message that nodelets of the same manager share: nobody writes to it any more.
+template <typename Message>
+void publishShared(const ros::Publisher& publisher, Message message) {
+  publisher.publish(boost::make_shared<const Message>(std::move(message)));
 }
 
 template <typename Deque>
@@ -42,7 +51,7 @@ Publishers::Publishers(ros::NodeHandle nh, const NodeParameters& parameters)
 
 void Publishers::publish(const ProcessedFrame& frame, const FrameCounters& counters,
                          double latency_ms) {
-  if (info_.getNumSubscribers() > 0) info_.publish(toInfo(frame, counters, latency_ms));
+  if (info_.getNumSubscribers() > 0) publishShared(info_, toInfo(frame, counters, latency_ms));
   if (!frame.result.accepted()) return;
   publishPose(frame);
   publishPath(frame);
@@ -61,7 +70,7 @@ void Publishers::publishPose(const ProcessedFrame& frame) {
   if (parameters_.publish_tf) {
     broadcaster_.sendTransform(toTransformStamped(frame, names_, parameters_.invert_tf));
   }
-  if (odometry_.getNumSubscribers() > 0) odometry_.publish(toOdometry(frame, names_));
+  if (odometry_.getNumSubscribers() > 0) publishShared(odometry_, toOdometry(frame, names_));
 }
 
 void Publishers::publishPath(const ProcessedFrame& frame) {
@@ -75,7 +84,7 @@ void Publishers::publishPath(const ProcessedFrame& frame) {
   nav_msgs::Path path;
   path.header = pose.header;
   path.poses.assign(poses_.begin(), poses_.end());
-  path_.publish(path);
+  publishShared(path_, std::move(path));
 }
 
 void Publishers::publishLines(const ProcessedFrame& frame) {
@@ -88,7 +97,7 @@ void Publishers::publishLines(const ProcessedFrame& frame) {
   if (markers_outdated_)
     markers.markers.insert(markers.markers.begin(), deleteAllMarkers(odom_header));
   markers_outdated_ = false;
-  lines_.publish(markers);
+  publishShared(lines_, std::move(markers));
 }
 
 void Publishers::addLandmarks(const ProcessedFrame& frame) {
@@ -106,8 +115,8 @@ void Publishers::addLandmarks(const ProcessedFrame& frame) {
 }
 
 void Publishers::publishFeatures(const ProcessedFrame& frame) {
-  if (points_.getNumSubscribers() > 0) points_.publish(toPointCloud(frame));
-  if (features_.getNumSubscribers() > 0) features_.publish(toFeatures(frame));
+  if (points_.getNumSubscribers() > 0) publishShared(points_, toPointCloud(frame));
+  if (features_.getNumSubscribers() > 0) publishShared(features_, toFeatures(frame));
   if (features_image_.getNumSubscribers() > 0) features_image_.publish(toFeaturesImage(frame));
 }
 

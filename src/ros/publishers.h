@@ -16,7 +16,8 @@
 namespace point_line_odometry {
 
 /// The outputs of the node: odom, tf, path, lines, points, features_image, features, info. What
-/// nobody subscribes to is not computed. Not thread-safe.
+/// nobody subscribes to is not computed; nodelets of the same manager get it without a copy. Not
+/// thread-safe.
 class Publishers {
  public:
   /// \param nh names are resolved here.
