@@ -18,6 +18,14 @@ std::string imageName(const NodeParameters& parameters) {
   return parameters.rectify ? "image_raw" : "image_rect";
 }
 
+/// Messages of a topic that may wait for those of the others. Not fewer than these, or a pair would
+/// miss one of its parts when messages come in bursts: whole pairs are dropped afterwards, where
+/// they are counted.
+std::uint32_t inputQueueSize(const NodeParameters& parameters) {
+  constexpr int kShortestQueue = 10;
+  return static_cast<std::uint32_t>(std::max(kShortestQueue, parameters.queue_size));
+}
+
 }  // namespace
 
 StereoSubscriber::StereoSubscriber(ros::NodeHandle nh, const ros::NodeHandle& private_nh,
@@ -33,7 +41,7 @@ StereoSubscriber::StereoSubscriber(ros::NodeHandle nh, const ros::NodeHandle& pr
 }
 
 void StereoSubscriber::subscribe(ros::NodeHandle nh, const ros::NodeHandle& private_nh) {
-  const auto queue_size = static_cast<std::uint32_t>(parameters_.queue_size);
+  const std::uint32_t queue_size = inputQueueSize(parameters_);
   const std::string image = imageName(parameters_);
   // Names are remapped when they are subscribed to, except by the transports that add to them. A
   // name must not be remapped twice: that would undo an exchange of left and right.
@@ -58,9 +66,7 @@ void StereoSubscriber::subscribe(ros::NodeHandle nh, const ros::NodeHandle& priv
 }
 
 void StereoSubscriber::makeSynchronizer() {
-  constexpr int kShortestQueue = 10;  // topics may arrive this far apart
-  const auto queue_size =
-      static_cast<std::uint32_t>(std::max(kShortestQueue, parameters_.queue_size));
+  const std::uint32_t queue_size = inputQueueSize(parameters_);
   exact_.reset();
   near_.reset();
   if (parameters_.approximate_sync) {
