@@ -7,10 +7,8 @@
 #include <sensor_msgs/point_cloud2_iterator.h>
 #include <yaml-cpp/yaml.h>
 
-#include <chrono>
 #include <cmath>
 #include <string>
-#include <thread>
 
 #include "ros/conversions.h"
 #include "ros/frame_messages.h"

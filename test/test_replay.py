@@ -9,9 +9,6 @@ REPLAY_RATE choose others.
 
 import os
 import shutil
-import signal
-import socket
-import subprocess
 import tempfile
 import time
 import unittest
@@ -19,18 +16,11 @@ import unittest
 import numpy as np
 import rosbag
 
+from ros_fixture import REPOSITORY, START_UP_S, local_host
 from tool_fixture import data_folder, find_program, run
 
-REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 RECORDED = ["/stereo/odom", "/stereo/info", "/tf", "/tf_static", "/ground_truth/odom"]
-START_UP_S = 60.0
 FRAME_S = 3.0  # at most, of a demo
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def rotation(q):
@@ -60,50 +50,25 @@ class Recording:
 
     def __init__(self, folder):
         self.folder = folder
-        port = free_port()
-        self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{port}",
-                                ROS_IP="127.0.0.1", ROS_LOG_DIR=os.path.join(folder, "log"))
-        self.environment.pop("ROS_HOSTNAME", None)
-        self.processes = []
-        self.start(["roscore", "-p", str(port)], "roscore")
-        self.wait_for_master()
+        self.host = local_host(folder)
+        self.host.start_roscore()
         self.bag = os.path.join(folder, "recorded.bag")
-        self.recorder = self.start(["rosbag", "record", "-O", self.bag] + RECORDED, "record")
+        self.recorder = self.host.start(["rosbag", "record", "-O", self.bag] + RECORDED, "record")
         self.launch = None
-
-    def start(self, command, name):
-        log = open(os.path.join(self.folder, name + ".log"), "w")
-        process = subprocess.Popen(command, env=self.environment, stdout=log,
-                                   stderr=subprocess.STDOUT, start_new_session=True)
-        log.close()
-        self.processes.append(process)
-        return process
-
-    def wait_for_master(self):
-        deadline = time.monotonic() + START_UP_S
-        while time.monotonic() < deadline:
-            if subprocess.run(["rosparam", "get", "/run_id"], env=self.environment,
-                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0:
-                return
-            time.sleep(0.2)
-        raise RuntimeError("roscore did not come up")
 
     def record(self, launch_file, arguments, done, timeout_s):
         """Runs the launch file until done() or the timeout; self.bag is whole then."""
-        self.launch = self.start(["roslaunch", "point_line_odometry", launch_file, "rviz:=false"]
-                                 + arguments, "launch")
+        self.launch = self.host.start(["roslaunch", "point_line_odometry", launch_file, "rviz:=false"]
+                                      + arguments, "launch")
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline and not done():
             time.sleep(0.5)
         time.sleep(2.0)
         for process in (self.recorder, self.launch):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-            process.wait(timeout=30)
+            self.host.end(process)
 
     def log(self):
-        with open(os.path.join(self.folder, "launch.log"), errors="replace") as log:
-            return log.read()
+        return self.host.log("launch")
 
     def player_done(self):
         before = self.log().partition("process has finished cleanly")[0]
@@ -113,14 +78,7 @@ class Recording:
         return self.launch.poll() is not None
 
     def close(self):
-        for process in reversed(self.processes):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-                try:
-                    process.wait(timeout=20)
-                except subprocess.TimeoutExpired:
-                    os.killpg(process.pid, signal.SIGKILL)
-                    process.wait()
+        self.host.close()
 
     def camera_poses(self, topic):
         """Stamps [ns] and poses of the left camera, the first one identity, from a topic of base
