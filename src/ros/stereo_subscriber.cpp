@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <sstream>
 #include <utility>
 
@@ -79,10 +80,24 @@ void StereoSubscriber::makeSynchronizer() {
   }
 }
 
+/// An exception that left a callback would end every nodelet of the manager; differences of stamps
+/// that are too long for a ros::Duration throw.
 template <int topic, typename Message>
 void StereoSubscriber::arrived(const boost::shared_ptr<const Message>& message) {
   const bool jumped_back = noteArrival(topic, message->header.stamp);
-  if (jumped_back) makeSynchronizer();
+  try {
+    if (jumped_back) makeSynchronizer();
+    synchronise<topic>(message);
+  } catch (const std::exception& error) {
+    ROS_ERROR_THROTTLE(5.0,
+                       "images and camera_infos that waited for their partners are dropped: %s",
+                       error.what());
+    makeSynchronizer();
+  }
+}
+
+template <int topic, typename Message>
+void StereoSubscriber::synchronise(const boost::shared_ptr<const Message>& message) {
   if (exact_) {
     exact_->template add<topic>(message);
   } else {

@@ -71,6 +71,8 @@ class StereoSubscriber {
   void makeSynchronizer();
   template <int topic, typename Message>
   void arrived(const boost::shared_ptr<const Message>& message);
+  template <int topic, typename Message>
+  void synchronise(const boost::shared_ptr<const Message>& message);
   bool noteArrival(std::size_t topic, const ros::Time& stamp);
   std::string silentTopics() const;
   std::uint64_t mostSinceSet() const;
