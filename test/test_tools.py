@@ -9,6 +9,7 @@ repository; without them the tests that need them are skipped.
 import csv
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -110,10 +111,12 @@ class OfflineOdometryTest(ToolTest):
         self.assertNotEqual(row["lines_left"], "0")
 
     def test_print_parameters(self):
-        table = self.succeed("offline_odometry", "--print-parameters").stdout
-        self.assertTrue(table.startswith("| name | default | range | unit | meaning |\n|---"))
-        self.assertIn("| `points/cell_size_px` |", table)
-        self.assertEqual({line.count("|") for line in table.splitlines()}, {6})
+        text = self.succeed("offline_odometry", "--print-parameters").stdout
+        core, node = (re.findall(r"^\|.*$", part, re.MULTILINE) for part in text.split("\nThe node"))
+        for table, name in ((core, "points/cell_size_px"), (node, "recorder/frames")):
+            self.assertEqual(table[0], "| name | default | range | unit | meaning |")
+            self.assertEqual(len([row for row in table if row.startswith(f"| `{name}` |")]), 1)
+            self.assertEqual({row.count("|") for row in table}, {6})
 
     def test_help(self):
         self.assertIn("usage: offline_odometry INPUT -o DIR",
