@@ -54,6 +54,8 @@ TEST_P(PairCheckTest, HealthyPairHasEqualRowsAndPositiveDisparities) {
   EXPECT_GT(m.disparity_px, 2.0);
   EXPECT_LT(m.behind_infinity_share, 0.1);
   EXPECT_FALSE(m.identical);
+  EXPECT_GT(m.contrast_left, 10.0);
+  EXPECT_NEAR(m.contrast_left, m.contrast_right, 10.0);
 }
 
 TEST_P(PairCheckTest, MeasuresAVerticalShift) {
@@ -98,6 +100,7 @@ TEST_P(PairCheckTest, FindsNothingInABlankImage) {
     EXPECT_EQ(m.row_distance_px, 0.0);
   }
   EXPECT_EQ(measurePair(blank, pair().right).corners_left, 0);
+  EXPECT_EQ(measurePair(blank, pair().right).contrast_left, 0.0);
   EXPECT_GT(measurePair(blank, pair().right).corners_right, PairMeasurement::kFewestMatches);
 }
 

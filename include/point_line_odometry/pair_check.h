@@ -11,6 +11,8 @@ struct PairMeasurement {
 
   int corners_left = 0;
   int corners_right = 0;
+  double contrast_left = 0.0;  ///< standard deviation of the brightness [grey levels]
+  double contrast_right = 0.0;
   int matches = 0;  ///< pairs of points that agree with each other; what follows is of them
 
   double row_offset_px = 0.0;          ///< median of the row differences: how far right lies lower

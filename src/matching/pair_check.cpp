@@ -155,6 +155,13 @@ std::vector<float> valuesOf(const std::vector<PixelPair>& pairs, const Value& va
   return values;
 }
 
+double contrastOf(const cv::Mat& image) {
+  cv::Scalar mean;
+  cv::Scalar deviation;
+  cv::meanStdDev(image, mean, deviation);
+  return deviation[0];
+}
+
 bool showTheSame(const cv::Mat& left, const cv::Mat& right) {
   if (left.size() != right.size() || cv::norm(left, right, cv::NORM_INF) > 0.0) return false;
   double low = 0.0;
@@ -177,6 +184,8 @@ PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right) {
   const Features right_features = detect(right);
   measurement.corners_left = static_cast<int>(left_features.size());
   measurement.corners_right = static_cast<int>(right_features.size());
+  measurement.contrast_left = contrastOf(left);
+  measurement.contrast_right = contrastOf(right);
   measurement.identical = showTheSame(left, right);
 
   const float band_px = std::max(kLeastBandPx, kBandShare * static_cast<float>(left.rows));
