@@ -418,8 +418,8 @@ DoctorLine examineSpeed(const DoctorFacts& facts) {
   DoctorLine line =
       *facts.frame_ms > period_ms
           ? failure(Subject::kSpeed, Level::kWarn, text,
-                    "lower the camera's rate or resolution, raise tracking/threads if there are "
-                    "more cores, or lower points/max_per_cell, lines/max_count and window/size")
+                    "raise tracking/threads if there are more cores, set target_frame_time_ms, or "
+                    "lower points/max_per_cell, lines/max_count and window/size")
           : ok(Subject::kSpeed, text);
   line.values = {{"time per frame [ms]", number(*facts.frame_ms, 2)},
                  {"period of frames [ms]", number(period_ms, 2)}};
