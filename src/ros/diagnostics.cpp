@@ -3,7 +3,9 @@
 #include <diagnostic_msgs/DiagnosticStatus.h>
 #include <ros/console.h>
 
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
 
 namespace point_line_odometry {
 namespace {
@@ -11,7 +13,7 @@ namespace {
 using Level = diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kWarnPeriodS = 5.0;
-constexpr double kMaxRowDifferencePx = 1.5;
+constexpr double kRepeatPeriodS = 60.0;  // of a warning that lasts
 
 std::uint8_t levelOf(TrackingState state) {
   switch (state) {
@@ -24,6 +26,24 @@ std::uint8_t levelOf(TrackingState state) {
       break;
   }
   return Level::ERROR;
+}
+
+/// Adds the lines about these subjects to a status: what failed to its summary, unless that is an
+/// error already, and all their values.
+void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<DoctorSubject> subjects,
+                diagnostic_updater::DiagnosticStatusWrapper* status) {
+  const bool known = status->level >= Level::ERROR;
+  for (const DoctorLine& line : lines) {
+    if (std::find(subjects.begin(), subjects.end(), line.subject) == subjects.end()) continue;
+    if (line.failed() && !known) {
+      status->mergeSummary(
+          line.level == DoctorLevel::kError ? Level::ERROR : Level::WARN,
+          std::string(toString(line.subject)) + ": " + line.text + "; " + line.cure);
+    }
+    const bool topic = line.subject <= DoctorSubject::kRightInfo;
+    const std::string prefix = topic ? std::string(toString(line.subject)) + " " : "";
+    for (const auto& [key, value] : line.values) status->add(prefix + key, value);
+  }
 }
 
 }  // namespace
@@ -40,7 +60,6 @@ Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& priva
 }
 
 void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
-  constexpr double kSmoothing = 0.1;
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!frame.result.accepted()) {
     ++counters_.rejected;
@@ -52,16 +71,10 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   state_ = frame.result.state;
   reason_ = frame.result.reason;
   latency_ms_ = latency_ms;
-  process_ms_ = frame.result.times.total_ms;
   feature_budget_ = frame.feature_budget;
-  camera_ = frame.camera;
-  row_difference_px_ += kSmoothing * (medianRowDifference(frame.result) - row_difference_px_);
-  if (std::abs(row_difference_px_) > kMaxRowDifferencePx) {
-    ROS_WARN_THROTTLE(kWarnPeriodS,
-                      "left and right images are not rectified: matched points lie %.2f px apart "
-                      "in row; recalibrate, or set rectify if the images are raw",
-                      row_difference_px_);
-  }
+  constexpr std::size_t kRemembered = 20;
+  process_ms_.push_back(frame.result.times.total_ms);
+  if (process_ms_.size() > kRemembered) process_ms_.pop_front();
 }
 
 void Diagnostics::noteDropped() {
@@ -91,6 +104,23 @@ void Diagnostics::noteWaitingForTransform(const std::string& text) {
   problem_ = text;
 }
 
+void Diagnostics::noteExamination(const std::vector<DoctorLine>& lines) {
+  for (const DoctorLine& line : lines) {
+    if (line.subject != DoctorSubject::kRectification || !line.failed()) continue;
+    ROS_WARN_STREAM_THROTTLE(kRepeatPeriodS, line.text << "; " << line.cure);
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  examination_ = lines;
+}
+
+std::optional<double> Diagnostics::medianFrameMs() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (process_ms_.size() < 2) return std::nullopt;
+  std::vector<double> sorted(process_ms_.begin(), process_ms_.end());
+  std::sort(sorted.begin(), sorted.end());
+  return sorted[sorted.size() / 2];
+}
+
 FrameCounters Diagnostics::counters() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return counters_;
@@ -109,10 +139,11 @@ void Diagnostics::watchInput(const StereoSubscriber& subscriber) {
     ROS_WARN_STREAM_THROTTLE(kWarnPeriodS, "no synchronised stereo images for "
                                                << std::lround(silence_s) << " s; " << silence);
   }
+  const InputFacts input = subscriber.facts();
   const std::lock_guard<std::mutex> lock(mutex_);
   silence_ = silence;
-  num_sets_ = subscriber.numSets();
-  num_unpaired_ = subscriber.numUnpaired();
+  num_sets_ = input.sets;
+  num_unpaired_ = input.unpaired;
 }
 
 void Diagnostics::reportTracking(Status& status) {
@@ -130,7 +161,7 @@ void Diagnostics::reportTracking(Status& status) {
   }
   status.add("rate [1/s]", takeRate());
   status.add("latency [ms]", latency_ms_);
-  status.add("processing time [ms]", process_ms_);
+  status.add("processing time [ms]", process_ms_.empty() ? 0.0 : process_ms_.back());
   status.add("feature budget", feature_budget_);
   status.add("frames processed", counters_.processed);
   status.add("frames dropped", counters_.dropped);
@@ -147,22 +178,24 @@ void Diagnostics::reportInput(Status& status) {
   }
   status.add("synchronised sets", num_sets_);
   status.add("left images without partner", num_unpaired_);
+  mergeLines(examination_,
+             {DoctorSubject::kLeftImage, DoctorSubject::kRightImage, DoctorSubject::kLeftInfo,
+              DoctorSubject::kRightInfo, DoctorSubject::kStamps, DoctorSubject::kImages,
+              DoctorSubject::kSpeed, DoctorSubject::kClock},
+             &status);
 }
 
 void Diagnostics::reportCalibration(Status& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (counters_.processed == 0) {
     status.summary(Level::WARN, "no calibration in use yet");
-  } else if (std::abs(row_difference_px_) > kMaxRowDifferencePx) {
-    status.summary(Level::WARN, "left and right images are not rectified; recalibrate");
   } else {
-    status.summary(Level::OK, "rectified pair");
+    status.summary(Level::OK, "calibrated pair");
   }
-  status.add("baseline [m]", camera_.baseline_m);
-  status.add("fx [px]", camera_.fx);
-  status.add("image width [px]", camera_.width);
-  status.add("image height [px]", camera_.height);
-  status.add("row difference left to right [px]", row_difference_px_);
+  mergeLines(examination_,
+             {DoctorSubject::kCalibration, DoctorSubject::kBaseline, DoctorSubject::kRectification,
+              DoctorSubject::kDisparity, DoctorSubject::kMounting},
+             &status);
 }
 
 double Diagnostics::takeRate() {

@@ -3,9 +3,13 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
 
+#include <deque>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "ros/doctor_report.h"
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_subscriber.h"
@@ -13,7 +17,8 @@
 namespace point_line_odometry {
 
 /// What the node knows of its own health, published on /diagnostics once a second. Frames are noted
-/// by the worker thread, update() is called by a timer; both may happen at once.
+/// by the worker thread, what the doctor found by its own, update() is called by a timer; all may
+/// happen at once.
 class Diagnostics {
  public:
   Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
@@ -29,8 +34,12 @@ class Diagnostics {
   void noteException(const std::string& text);
   void notePaused(bool paused);
   void noteWaitingForTransform(const std::string& text);
+  void noteExamination(const std::vector<DoctorLine>& lines);
 
   FrameCounters counters() const;
+
+  /// Median time for the latest frames [ms]; nothing before the second frame.
+  std::optional<double> medianFrameMs() const;
 
   /// Publishes the state; warns in the log if no set of images has come for too long.
   void update(const StereoSubscriber& subscriber);
@@ -51,10 +60,9 @@ class Diagnostics {
   TrackingState state_ = TrackingState::kInitializing;
   TrackingReason reason_ = TrackingReason::kFirstFrame;
   double latency_ms_ = 0.0;
-  double process_ms_ = 0.0;
   double feature_budget_ = 1.0;
-  double row_difference_px_ = 0.0;  // of right minus left, smoothed over frames
-  StereoCamera camera_;
+  std::deque<double> process_ms_;  // of the latest frames
+  std::vector<DoctorLine> examination_;
   std::string problem_;  // of the last frame, empty if there is none
   std::string silence_;  // why no images come, empty if they do
   std::uint64_t num_sets_ = 0;

@@ -258,17 +258,4 @@ double latencyMs(const ros::Time& stamp, const ros::Time& now) {
   return latency_s >= 0.0 && latency_s <= kLongestS ? 1e3 * latency_s : 0.0;
 }
 
-double medianRowDifference(const FrameResult& result) {
-  constexpr std::size_t kFewest = 20;
-  if (result.points.size() < kFewest) return 0.0;
-  std::vector<float> differences;
-  differences.reserve(result.points.size());
-  for (const ObservedPoint& point : result.points) {
-    differences.push_back(point.right_px.y() - point.left_px.y());
-  }
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-  std::nth_element(differences.begin(), middle, differences.end());
-  return *middle;
-}
-
 }  // namespace point_line_odometry

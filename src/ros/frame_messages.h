@@ -98,8 +98,4 @@ sensor_msgs::ImagePtr toFeaturesImage(const ProcessedFrame& frame);
 /// stamps.
 double latencyMs(const ros::Time& stamp, const ros::Time& now);
 
-/// Median of the row differences, right minus left [px], of the matched points; 0 if there are too
-/// few to say.
-double medianRowDifference(const FrameResult& result);
-
 }  // namespace point_line_odometry

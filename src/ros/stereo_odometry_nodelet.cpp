@@ -19,6 +19,7 @@ constexpr std::chrono::milliseconds kTransformRetry{20};
 StereoOdometryNodelet::~StereoOdometryNodelet() {
   diagnostics_timer_.stop();
   for (ros::ServiceServer& service : services_) service.shutdown();
+  doctor_.reset();
   reconfiguration_.reset();
   subscriber_.reset();
   if (queue_) queue_->stop();
@@ -56,6 +57,9 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
       });
   subscriber_ = std::make_unique<StereoSubscriber>(
       nh, private_nh, parameters_, [this](const StereoMessages& m) { takeMessages(m); });
+  doctor_ =
+      std::make_unique<Doctor>(nh, parameters_, getName(),
+                               Doctor::Patient{subscriber_.get(), &tf_buffer_, diagnostics_.get()});
   diagnostics_timer_ = getNodeHandle().createWallTimer(
       ros::WallDuration(kDiagnosticsPeriodS),
       [this](const ros::WallTimerEvent&) { diagnostics_->update(*subscriber_); });

@@ -20,6 +20,7 @@
 
 #include "odometry/compute_governor.h"
 #include "ros/diagnostics.h"
+#include "ros/doctor.h"
 #include "ros/flight_recorder.h"
 #include "ros/frame_processor.h"
 #include "ros/frame_queue.h"
@@ -82,6 +83,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::unique_ptr<FrameQueue<StereoMessages>> queue_;
   std::thread worker_;
   std::unique_ptr<StereoSubscriber> subscriber_;
+  std::unique_ptr<Doctor> doctor_;
   std::unique_ptr<Reconfiguration> reconfiguration_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer diagnostics_timer_;

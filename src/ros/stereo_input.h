@@ -1,0 +1,126 @@
+#pragma once
+
+#include <message_filters/sync_policies/approximate_time.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
+#include <ros/time.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "ros/frame_processor.h"
+#include "ros/node_parameters.h"
+
+namespace point_line_odometry {
+
+/// The four topics of a stereo camera.
+enum StereoTopic : std::size_t { kLeftImage, kRightImage, kLeftInfo, kRightInfo, kNumStereoTopics };
+
+/// Name of a topic below the camera's namespace, for example "left/image_rect".
+std::string stereoTopicName(StereoTopic topic, bool rectify);
+
+/// Messages of a topic that may wait for those of the others. Not fewer than these, or a pair would
+/// miss one of its parts when messages come in bursts: whole pairs are dropped afterwards, where
+/// they are counted.
+std::uint32_t stereoQueueSize(const NodeParameters& parameters);
+
+/// What came on one topic.
+struct TopicFacts {
+  std::string name;  ///< as resolved
+  std::uint64_t messages = 0;
+  double rate_hz = 0.0;           ///< of the latest arrivals; 0 for fewer than two
+  double silent_s = 0.0;          ///< since the latest arrival
+  std::optional<int> publishers;  ///< nothing: not known, as in a bag
+};
+
+/// What came on all four, and how it fits together.
+struct InputFacts {
+  std::array<TopicFacts, kNumStereoTopics> topics;
+  std::uint64_t sets = 0;  ///< complete ones
+  double set_rate_hz = 0.0;
+  std::uint64_t unpaired = 0;          ///< left images that did not become part of a set
+  bool unstamped = false;              ///< an image or camera_info had stamp 0
+  std::optional<double> image_skew_s;  ///< median distance of a left stamp to the nearest right one
+  std::optional<double> info_skew_s;   ///< the same from images to camera_infos, the larger of both
+  StereoMessages latest;               ///< of each topic; null where nothing came
+  StereoMessages latest_set;           ///< all null before the first one
+};
+
+/// Puts together what belongs together of the four topics: equal stamps, or near ones with
+/// `approximate_sync`. Remembers what came, so that it can be said why nothing comes together.
+/// Messages are added by one thread at a time; everything else may be asked by any. ROS' time must
+/// be initialised (ros::Time::init() where there is no node).
+class StereoInput {
+ public:
+  using Callback = std::function<void(const StereoMessages&)>;
+  using TopicNames = std::array<std::string, kNumStereoTopics>;
+
+  /// \param callback called by add() with each complete set.
+  StereoInput(const NodeParameters& parameters, const TopicNames& names, Callback callback);
+
+  StereoInput(const StereoInput&) = delete;
+  StereoInput& operator=(const StereoInput&) = delete;
+
+  /// \param arrival_s time at which the message came, of any clock.
+  void addImage(StereoTopic topic, const sensor_msgs::ImageConstPtr& message, double arrival_s);
+  void addInfo(StereoTopic topic, const sensor_msgs::CameraInfoConstPtr& message, double arrival_s);
+
+  /// `publishers` are not known here. \param now_s of the clock of the arrivals.
+  InputFacts facts(double now_s) const;
+
+  /// One sentence on why no sets come: messages on each topic, what is missing, and what to do
+  /// about it.
+  std::string explainSilence() const;
+
+ private:
+  struct Arrivals {
+    std::string name;
+    std::uint64_t count = 0;
+    std::uint64_t since_set = 0;   // of count, after the last complete set
+    std::deque<ros::Time> stamps;  // the latest, none from before a jump of the clock
+    std::deque<double> times_s;
+  };
+
+  using Image = sensor_msgs::Image;
+  using Info = sensor_msgs::CameraInfo;
+  using ExactPolicy = message_filters::sync_policies::ExactTime<Image, Image, Info, Info>;
+  using NearPolicy = message_filters::sync_policies::ApproximateTime<Image, Image, Info, Info>;
+
+  void makeSynchronizer();
+  template <int topic, typename Message>
+  void add(const boost::shared_ptr<const Message>& message, double arrival_s);
+  template <int topic, typename Message>
+  void synchronise(const boost::shared_ptr<const Message>& message);
+  bool noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s);
+  bool hasStopped(const Arrivals& topic) const;
+  std::string silentTopics() const;
+  std::uint64_t mostSinceSet() const;
+  std::optional<double> skew(StereoTopic topic, StereoTopic other) const;
+  void completed(const sensor_msgs::ImageConstPtr& left, const sensor_msgs::ImageConstPtr& right,
+                 const sensor_msgs::CameraInfoConstPtr& left_info,
+                 const sensor_msgs::CameraInfoConstPtr& right_info);
+
+  const NodeParameters parameters_;
+  const Callback callback_;
+
+  mutable std::mutex mutex_;  // guards what the facts are made of
+  std::array<Arrivals, kNumStereoTopics> arrivals_;
+  StereoMessages latest_;
+  StereoMessages latest_set_;
+  std::uint64_t num_sets_ = 0;
+  std::deque<double> set_times_s_;
+  bool unstamped_ = false;
+
+  std::unique_ptr<message_filters::Synchronizer<ExactPolicy>> exact_;
+  std::unique_ptr<message_filters::Synchronizer<NearPolicy>> near_;
+};
+
+}  // namespace point_line_odometry

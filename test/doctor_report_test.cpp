@@ -1,0 +1,481 @@
+/// The lines of the start-up report: each is fine with healthy facts and fails with its faults.
+
+#include "ros/doctor_report.h"
+
+#include <gtest/gtest.h>
+#include <tf2/buffer_core.h>
+
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "point_line_odometry/synthetic_world.h"
+#include "ros/camera_messages.h"
+#include "ros/conversions.h"
+#include "ros/doctor_examination.h"
+#include "ros/stereo_input.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Level = DoctorLevel;
+using Subject = DoctorSubject;
+
+constexpr double kPeriod_s = 0.1;
+
+/// One stereo frame of the street, rendered once, and its calibration.
+struct Street {
+  StereoCalibration calibration;
+  StereoImages images;
+};
+
+const Street& street() {
+  static const Street instance = [] {
+    const SyntheticWorld world{SyntheticWorldOptions()};
+    return Street{world.calibration(), world.render(10)};
+  }();
+  return instance;
+}
+
+/// A stereo camera whose messages a test may spoil before the doctor sees them.
+class Camera {
+ public:
+  Camera() {
+    ros::Time::init();
+    left_ = street().images.left.clone();
+    right_ = street().images.right.clone();
+    infos_ = {toCameraInfo(street().calibration.left, {}),
+              toCameraInfo(street().calibration.right, {})};
+    for (const auto& transform : toMountingTransforms(street().calibration, {}, ros::Time(1.0))) {
+      tf_.setTransform(transform, "test", true);
+    }
+  }
+
+  /// Publishes `frames` frames and gives what the examination makes of them.
+  DoctorFacts watch(int frames = 10) {
+    StereoInput::TopicNames names;
+    for (std::size_t i = 0; i < kNumStereoTopics; ++i) {
+      names[i] = "/stereo/" + stereoTopicName(static_cast<StereoTopic>(i), parameters_.rectify);
+    }
+    StereoMessages last;
+    StereoInput input(parameters_, names, [&](const StereoMessages& set) { last = set; });
+    for (int k = 1; k <= frames; ++k) publish(k, &input);
+    DoctorExamination examination(parameters_);
+    if (last.left) examination.measure(last);
+    DoctorFacts facts = examination.facts(input.facts(frames * kPeriod_s + silence_s_), tf_);
+    facts.frame_ms = 20.0;
+    return facts;
+  }
+
+  NodeParameters parameters_;
+  cv::Mat left_;
+  cv::Mat right_;
+  std::array<sensor_msgs::CameraInfo, 2> infos_;
+  std::string frame_ = "left_camera";
+  std::string encoding_ = "mono8";
+  std::array<bool, kNumStereoTopics> sent_{true, true, true, true};
+  double right_delay_s_ = 0.0;
+  double info_delay_s_ = 0.0;
+  double silence_s_ = 0.0;
+  bool unstamped_ = false;
+  tf2::BufferCore tf_;
+
+ private:
+  void publish(int k, StereoInput* input) const {
+    const double time_s = k * kPeriod_s;
+    const auto header = [&](double delay_s) {
+      return makeHeader(frame_, unstamped_ ? ros::Time() : ros::Time(100.0 + time_s + delay_s));
+    };
+    const auto image = [&](StereoTopic topic, const cv::Mat& pixels, double delay_s) {
+      if (!sent_[topic]) return;
+      const sensor_msgs::ImagePtr message = toImageMessage(pixels, header(delay_s));
+      message->encoding = encoding_;
+      input->addImage(topic, message, time_s);
+    };
+    const auto info = [&](StereoTopic topic, double delay_s) {
+      if (!sent_[topic]) return;
+      auto message = boost::make_shared<sensor_msgs::CameraInfo>(infos_[topic - kLeftInfo]);
+      message->header = header(delay_s + info_delay_s_);
+      input->addInfo(topic, message, time_s);
+    };
+    image(kLeftImage, left_, 0.0);
+    image(kRightImage, right_, right_delay_s_);
+    info(kLeftInfo, 0.0);
+    info(kRightInfo, right_delay_s_);
+  }
+};
+
+DoctorLine lineOf(const std::vector<DoctorLine>& lines, Subject subject) {
+  for (const DoctorLine& line : lines) {
+    if (line.subject == subject) return line;
+  }
+  ADD_FAILURE() << "no line about " << toString(subject);
+  return {};
+}
+
+bool contains(const std::string& text, const std::string& words) {
+  return text.find(words) != std::string::npos;
+}
+
+/// The line about a subject has this level and these words, and a cure if it failed.
+void expectLine(const DoctorFacts& facts, Subject subject, Level level, const std::string& words,
+                const std::string& cure = "") {
+  const DoctorLine line = lineOf(examine(facts), subject);
+  EXPECT_EQ(line.level, level) << toString(subject) << ": " << line.text;
+  EXPECT_TRUE(contains(line.text, words)) << line.text;
+  EXPECT_TRUE(contains(line.cure, cure)) << line.cure;
+  EXPECT_EQ(line.cure.empty(), !line.failed()) << line.text;
+}
+
+cv::Mat movedDown(const cv::Mat& image, double pixels) {
+  const cv::Mat transform = (cv::Mat_<double>(2, 3) << 1, 0, 0, 0, 1, pixels);
+  cv::Mat result;
+  cv::warpAffine(image, result, transform, image.size(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
+  return result;
+}
+
+TEST(DoctorReportTest, EverythingIsWellWithAHealthyCamera) {
+  Camera camera;
+  const std::vector<DoctorLine> lines = examine(camera.watch());
+  for (const DoctorLine& line : lines) {
+    EXPECT_EQ(line.level, Level::kOk) << toString(line.subject) << ": " << line.text;
+    EXPECT_TRUE(line.cure.empty());
+    EXPECT_FALSE(line.text.empty());
+  }
+  EXPECT_EQ(lines.size(), 13U);
+  EXPECT_EQ(summarize(lines), "all is well");
+  EXPECT_EQ(worstLevel(lines), Level::kOk);
+  EXPECT_TRUE(contains(lineOf(lines, Subject::kLeftImage).text, "10 messages, 10.0 Hz"));
+  EXPECT_TRUE(contains(lineOf(lines, Subject::kStamps).text, "10 complete sets"));
+  EXPECT_TRUE(contains(lineOf(lines, Subject::kImages).text, "1241 x 376 mono8"));
+  EXPECT_TRUE(contains(lineOf(lines, Subject::kBaseline).text, "0.5"));
+}
+
+TEST(DoctorReportTest, NothingIsKnownBeforeAnythingComes) {
+  Camera camera;
+  const std::vector<DoctorLine> lines = examine(camera.watch(0));
+  for (const Subject subject :
+       {Subject::kLeftImage, Subject::kRightImage, Subject::kLeftInfo, Subject::kRightInfo}) {
+    EXPECT_EQ(lineOf(lines, subject).level, Level::kError);
+  }
+  for (const Subject subject :
+       {Subject::kStamps, Subject::kImages, Subject::kCalibration, Subject::kBaseline,
+        Subject::kRectification, Subject::kDisparity, Subject::kMounting}) {
+    EXPECT_EQ(lineOf(lines, subject).level, Level::kUnknown) << toString(subject);
+  }
+  EXPECT_EQ(summarize(lines), "4 errors, 8 not known yet");
+}
+
+TEST(DoctorReportTest, NamesAMissingTopicAndWhatThereIsInstead) {
+  for (const StereoTopic topic : {kLeftImage, kRightImage, kLeftInfo, kRightInfo}) {
+    Camera camera;
+    camera.sent_[topic] = false;
+    DoctorFacts facts = camera.watch();
+    const auto subject = static_cast<Subject>(topic);
+    const std::string name = "/stereo/" + stereoTopicName(topic, false);
+    expectLine(facts, subject, Level::kError, "nothing arrives on " + name, "remap");
+    facts.input.topics[topic].publishers = 1;
+    expectLine(facts, subject, Level::kError, name, "ROS_IP");
+    facts.from_bag = true;
+    expectLine(facts, subject, Level::kError, name, "--ns");
+  }
+  Camera camera;
+  camera.sent_[kLeftImage] = false;
+  DoctorFacts facts = camera.watch();
+  facts.image_topics = {"/stereo/left/image_raw"};
+  expectLine(facts, Subject::kLeftImage, Level::kError, "nothing", "set rectify to true");
+  facts.image_topics = {"/stereo/left/image_rect/compressed"};
+  expectLine(facts, Subject::kLeftImage, Level::kError, "nothing", "image_transport to compressed");
+  facts.image_topics = {"/cam/image"};
+  expectLine(facts, Subject::kLeftImage, Level::kError, "nothing", "images are on /cam/image");
+}
+
+TEST(DoctorReportTest, SeesACameraThatHasStopped) {
+  Camera camera;
+  camera.silence_s_ = 1.0;
+  expectLine(camera.watch(), Subject::kRightImage, Level::kOk, "10.0 Hz");
+  camera.silence_s_ = 3.0;
+  expectLine(camera.watch(), Subject::kRightImage, Level::kError, "nothing any more for 3.0 s",
+             "restart");
+}
+
+TEST(DoctorReportTest, MeasuresTheSkewOfStamps) {
+  Camera camera;
+  camera.right_delay_s_ = 0.02;
+  expectLine(camera.watch(), Subject::kStamps, Level::kError, "left and right images differ by 20",
+             "approximate_sync to true");
+  camera.parameters_.approximate_sync = true;
+  camera.parameters_.approximate_sync_max_interval_s = 0.01;
+  expectLine(camera.watch(), Subject::kStamps, Level::kError, "20.0 ms",
+             "raise approximate_sync_max_interval_s");
+  camera.parameters_.approximate_sync_max_interval_s = 0.03;
+  expectLine(camera.watch(), Subject::kStamps, Level::kOk, "differ by 20.0 ms");
+
+  Camera info_late;
+  info_late.info_delay_s_ = 0.03;
+  expectLine(info_late.watch(), Subject::kStamps, Level::kError, "images and camera_info differ",
+             "same stamp");
+  Camera unstamped;
+  unstamped.unstamped_ = true;
+  expectLine(unstamped.watch(), Subject::kStamps, Level::kError, "stamp 0", "time of exposure");
+}
+
+TEST(DoctorReportTest, CountsPairsThatLackAMessage) {
+  Camera camera;
+  DoctorFacts facts = camera.watch(30);
+  expectLine(facts, Subject::kStamps, Level::kOk, "30 complete sets");
+  facts.input.sets = 15;
+  expectLine(facts, Subject::kStamps, Level::kWarn, "15 of 30", "lost");
+}
+
+TEST(DoctorReportTest, RefusesImagesThatCannotBeUsed) {
+  Camera bayer;
+  bayer.encoding_ = "bayer_rggb8";
+  expectLine(bayer.watch(), Subject::kImages, Level::kError, "bayer_rggb8", "debayer");
+  Camera sizes;
+  sizes.right_ = sizes.right_(cv::Rect(0, 0, 1000, 376)).clone();
+  expectLine(sizes.watch(), Subject::kImages, Level::kError, "right ones 1000 x 376", "resolution");
+  Camera half;
+  cv::resize(half.left_, half.left_, cv::Size(620, 188));
+  cv::resize(half.right_, half.right_, cv::Size(620, 188));
+  expectLine(half.watch(), Subject::kImages, Level::kError, "camera_info describes 1241 x 376",
+             "binning");
+}
+
+TEST(DoctorReportTest, SeesABlankImage) {
+  Camera camera;
+  camera.right_ = cv::Mat(camera.right_.size(), CV_8UC1, cv::Scalar(3));
+  const DoctorFacts facts = camera.watch();
+  expectLine(facts, Subject::kImages, Level::kWarn, "right image shows hardly anything", "lens");
+  expectLine(facts, Subject::kRectification, Level::kUnknown, "not measured");
+  expectLine(facts, Subject::kDisparity, Level::kUnknown, "not measured");
+}
+
+TEST(DoctorReportTest, SeesOneCameraOnBothTopics) {
+  Camera camera;
+  camera.right_ = camera.left_;
+  expectLine(camera.watch(), Subject::kImages, Level::kError, "are the same", "remapping");
+}
+
+TEST(DoctorReportTest, NamesTheFieldOfABadCalibration) {
+  Camera zero;
+  zero.infos_[1].P.fill(0.0);
+  expectLine(zero.watch(), Subject::kCalibration, Level::kError, "right/camera_info: P is all zero",
+             "calibrate");
+  expectLine(zero.watch(), Subject::kBaseline, Level::kUnknown, "");
+  Camera nan;
+  nan.infos_[0].P[2] = std::numeric_limits<double>::quiet_NaN();
+  expectLine(nan.watch(), Subject::kCalibration, Level::kError, "left/camera_info: P", "calibrate");
+  Camera same;
+  same.infos_[1] = same.infos_[0];
+  expectLine(same.watch(), Subject::kCalibration, Level::kError, "P[3]", "check the remapping");
+  Camera raw;
+  raw.parameters_.rectify = true;
+  raw.infos_[0].K.fill(0.0);
+  expectLine(raw.watch(), Subject::kCalibration, Level::kError, "K", "");
+}
+
+TEST(DoctorReportTest, DoubtsABaselineInMillimetres) {
+  Camera camera;
+  camera.infos_[1].P[3] *= 1000.0;
+  expectLine(camera.watch(), Subject::kBaseline, Level::kWarn, "m, which hardly any pair has",
+             "metres, not millimetres");
+}
+
+TEST(DoctorReportTest, MeasuresRowsOfImagesThatAreNotRectified) {
+  for (const double down_px : {2.0, 6.0, -30.0}) {
+    Camera camera;
+    camera.right_ = movedDown(camera.right_, down_px);
+    const DoctorFacts facts = camera.watch();
+    expectLine(facts, Subject::kRectification, Level::kWarn, "images are not rectified",
+               "set rectify to true");
+    ASSERT_TRUE(facts.pair);
+    EXPECT_NEAR(facts.pair->row_offset_px, down_px, 0.3);
+    std::array<char, 16> amount{};
+    std::snprintf(amount.data(), amount.size(), "%.2f px", facts.pair->row_distance_px);
+    expectLine(facts, Subject::kRectification, Level::kWarn, amount.data());
+    expectLine(facts, Subject::kDisparity, Level::kOk, "left camera is left");
+  }
+  Camera slightly;
+  slightly.right_ = movedDown(slightly.right_, 1.0);
+  expectLine(slightly.watch(), Subject::kRectification, Level::kOk, "1.0");
+}
+
+TEST(DoctorReportTest, SeesThatTheImagesAreOfDifferentPlaces) {
+  Camera camera;
+  cv::flip(camera.right_, camera.right_, 0);
+  expectLine(camera.watch(), Subject::kRectification, Level::kWarn, "are not found in the right",
+             "upside down");
+}
+
+TEST(DoctorReportTest, WarnsWhenTheRectificationDrifts) {
+  Camera camera;
+  DoctorFacts facts = camera.watch();
+  facts.row_drift_px = 0.3;
+  expectLine(facts, Subject::kRectification, Level::kOk, "matched points");
+  facts.row_drift_px = -0.7;
+  expectLine(facts, Subject::kRectification, Level::kWarn, "drifted by -0.70 px", "fasten");
+}
+
+TEST(DoctorReportTest, SeesSwappedCameras) {
+  Camera images;
+  std::swap(images.left_, images.right_);
+  expectLine(images.watch(), Subject::kDisparity, Level::kError, "are swapped", "exchange");
+  expectLine(images.watch(), Subject::kRectification, Level::kOk, "");
+  Camera all;
+  std::swap(all.left_, all.right_);
+  std::swap(all.infos_[0], all.infos_[1]);
+  expectLine(all.watch(), Subject::kDisparity, Level::kError, "are swapped", "exchange");
+  expectLine(all.watch(), Subject::kCalibration, Level::kError, "swapped", "exchange");
+  DoctorFacts some = Camera().watch();
+  some.pair->behind_infinity_share = 0.4;
+  expectLine(some, Subject::kDisparity, Level::kWarn, "behind infinity", "calibrate");
+}
+
+TEST(DoctorReportTest, AsksForTheTransform) {
+  Camera camera;
+  camera.frame_ = "unknown_camera";
+  DoctorFacts facts = camera.watch();
+  expectLine(facts, Subject::kMounting, Level::kError, "no transform from base_link to unknown",
+             "static_transform_publisher");
+  facts.from_bag = true;
+  expectLine(facts, Subject::kMounting, Level::kWarn, "in the bag", "static_transform_publisher");
+  camera.parameters_.base_frame_id = "unknown_camera";
+  expectLine(camera.watch(), Subject::kMounting, Level::kOk, "camera itself");
+  camera.frame_ = "";
+  expectLine(camera.watch(), Subject::kMounting, Level::kError, "frame_id", "optical frame");
+  facts = Camera().watch();
+  facts.T_base_camera = Eigen::Isometry3d::Identity();
+  expectLine(facts, Subject::kMounting, Level::kWarn, "straight up", "-1.5708");
+}
+
+TEST(DoctorReportTest, ComparesTheTimeOfAFrameWithTheRate) {
+  DoctorFacts facts = Camera().watch();
+  expectLine(facts, Subject::kSpeed, Level::kOk, "20.0 ms per frame, one comes every 100.0 ms");
+  facts.frame_ms = 130.0;
+  expectLine(facts, Subject::kSpeed, Level::kWarn, "130.0 ms", "points/max_per_cell");
+  facts.frame_ms.reset();
+  expectLine(facts, Subject::kSpeed, Level::kUnknown, "");
+}
+
+TEST(DoctorReportTest, SeesAClockThatStands) {
+  DoctorFacts facts = Camera().watch();
+  facts.clock_stands = true;
+  expectLine(facts, Subject::kClock, Level::kWarn, "use_sim_time", "--clock");
+}
+
+TEST(DoctorReportTest, MeasuresRawImagesAfterRectification) {
+  SyntheticWorldOptions options;
+  options.scene = "corridor";
+  const SyntheticWorld world(options);
+  const StereoImages images = world.render(20);
+  Camera camera;
+  camera.left_ = images.left;
+  camera.right_ = images.right;
+  camera.infos_ = {toCameraInfo(world.calibration().left, {}),
+                   toCameraInfo(world.calibration().right, {})};
+  expectLine(camera.watch(), Subject::kRectification, Level::kWarn, "not rectified", "rectify");
+  camera.parameters_.rectify = true;
+  expectLine(camera.watch(), Subject::kRectification, Level::kOk, "matched points");
+}
+
+TEST(DoctorReportTest, BecomesMessagesAndText) {
+  Camera camera;
+  camera.frame_ = "unknown_camera";
+  const std::vector<DoctorLine> lines = examine(camera.watch());
+  const auto array = toDiagnosticArray(lines, "odometry", ros::Time(5.0));
+  ASSERT_EQ(array.status.size(), lines.size());
+  int errors = 0;
+  for (const auto& status : array.status) {
+    EXPECT_EQ(status.name.rfind("odometry: ", 0), 0U) << status.name;
+    if (status.level != diagnostic_msgs::DiagnosticStatus::ERROR) continue;
+    ++errors;
+    EXPECT_EQ(status.name, "odometry: tf");
+    ASSERT_FALSE(status.values.empty());
+    EXPECT_EQ(status.values[0].key, "cure");
+    EXPECT_TRUE(contains(status.message, status.values[0].value));
+  }
+  EXPECT_EQ(errors, 1);
+  const std::string text = formatReport(lines);
+  EXPECT_TRUE(contains(text, "ERROR  tf "));
+  EXPECT_TRUE(contains(text, "-> publish it"));
+}
+
+TEST(PairTrendTest, TakesMediansAndSeesTheDrift) {
+  PairTrend trend;
+  EXPECT_FALSE(trend.current());
+  PairMeasurement measurement;
+  measurement.matches = 100;
+  for (const double offset_px : {0.1, 0.2, 9.0, 0.1, 0.2}) {
+    EXPECT_FALSE(trend.rowDrift_px());
+    measurement.row_offset_px = offset_px;
+    trend.add(measurement);
+  }
+  EXPECT_DOUBLE_EQ(trend.current()->row_offset_px, 0.2) << "one outlier of five does not count";
+  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.0);
+  for (int i = 0; i < 100; ++i) {
+    measurement.row_offset_px = 1.0;
+    trend.add(measurement);
+  }
+  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.8);
+  trend.add(PairMeasurement());
+  EXPECT_FALSE(trend.current()->valid()) << "a blank image is said to be one";
+  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.8);
+}
+
+TEST(PairTrendTest, BeginsAnewWithAnotherCalibration) {
+  const auto set = [](const sensor_msgs::CameraInfo& right_info) {
+    return StereoMessages{
+        toImageMessage(street().images.left, {}), toImageMessage(street().images.right, {}),
+        boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(street().calibration.left, {})),
+        boost::make_shared<sensor_msgs::CameraInfo>(right_info)};
+  };
+  const sensor_msgs::CameraInfo info = toCameraInfo(street().calibration.right, {});
+  sensor_msgs::CameraInfo other = info;
+  other.P[3] *= 1.1;
+  DoctorExamination examination((NodeParameters()));
+  const tf2::BufferCore tf;
+  for (std::size_t i = 0; i < PairTrend::kWindow; ++i) examination.measure(set(info));
+  EXPECT_TRUE(examination.facts(InputFacts(), tf).row_drift_px);
+  examination.measure(set(other));
+  EXPECT_FALSE(examination.facts(InputFacts(), tf).row_drift_px);
+}
+
+std::vector<DoctorLine> linesOf(Level level) {
+  DoctorLine line;
+  line.level = level;
+  return {line, DoctorLine()};
+}
+
+TEST(ReportScheduleTest, ReportsOnceAfterTwoSecondsWhenAllIsWell) {
+  ReportSchedule schedule;
+  EXPECT_FALSE(schedule.due(1.9, linesOf(Level::kOk)));
+  EXPECT_TRUE(schedule.due(2.0, linesOf(Level::kOk)));
+  for (double age_s = 3.0; age_s < 1000.0; age_s += 1.0) {
+    EXPECT_FALSE(schedule.due(age_s, linesOf(Level::kError))) << "the diagnostics take over";
+  }
+}
+
+TEST(ReportScheduleTest, ReportsAgainWhenMoreIsKnown) {
+  ReportSchedule schedule;
+  EXPECT_TRUE(schedule.due(2.0, linesOf(Level::kError)));
+  for (double age_s = 3.0; age_s < 100.0; age_s += 1.0) {
+    EXPECT_FALSE(schedule.due(age_s, linesOf(Level::kError))) << "nothing has changed";
+  }
+  EXPECT_TRUE(schedule.due(100.0, linesOf(Level::kWarn)));
+  EXPECT_FALSE(schedule.due(103.9, linesOf(Level::kOk))) << "too soon";
+  EXPECT_TRUE(schedule.due(104.0, linesOf(Level::kOk)));
+}
+
+TEST(ReportScheduleTest, IsBounded) {
+  ReportSchedule schedule;
+  int reports = 0;
+  for (int second = 0; second < 100000; ++second) {
+    if (schedule.due(second, linesOf(second % 2 == 0 ? Level::kError : Level::kWarn))) ++reports;
+  }
+  EXPECT_EQ(reports, ReportSchedule::kMostReports);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

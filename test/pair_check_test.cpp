@@ -1,0 +1,143 @@
+/// Rows and disparities of a pair, measured without its calibration: rendered pairs, healthy and
+/// with each fault.
+
+#include "point_line_odometry/pair_check.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "point_line_odometry/rectification.h"
+#include "point_line_odometry/synthetic_world.h"
+
+namespace point_line_odometry {
+namespace {
+
+/// A rectified pair of a scene, rendered once.
+const StereoImages& scenePair(const std::string& scene) {
+  static std::map<std::string, StereoImages> pairs;
+  const auto found = pairs.find(scene);
+  if (found != pairs.end()) return found->second;
+  SyntheticWorldOptions options;
+  options.scene = scene;
+  const SyntheticWorld world(options);
+  const StereoImages images = world.render(20);
+  return pairs[scene] = world.needsRectification()
+                            ? StereoRectifier(world.calibration()).rectify(images)
+                            : images;
+}
+
+/// The image turned about its centre, then moved down.
+cv::Mat moved(const cv::Mat& image, double down_px, double turn_deg = 0.0) {
+  const cv::Point2f centre(0.5F * static_cast<float>(image.cols),
+                           0.5F * static_cast<float>(image.rows));
+  cv::Mat transform = cv::getRotationMatrix2D(centre, -turn_deg, 1.0);
+  transform.at<double>(1, 2) += down_px;
+  cv::Mat result;
+  cv::warpAffine(image, result, transform, image.size(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
+  return result;
+}
+
+class PairCheckTest : public testing::TestWithParam<const char*> {
+ protected:
+  const StereoImages& pair() const { return scenePair(GetParam()); }
+};
+
+TEST_P(PairCheckTest, HealthyPairHasEqualRowsAndPositiveDisparities) {
+  const PairMeasurement m = measurePair(pair().left, pair().right);
+  ASSERT_TRUE(m.valid()) << m.matches;
+  EXPECT_LT(std::abs(m.row_offset_px), 0.2);
+  EXPECT_LT(m.row_distance_px, 0.4);
+  EXPECT_GT(m.disparity_px, 2.0);
+  EXPECT_LT(m.behind_infinity_share, 0.1);
+  EXPECT_FALSE(m.identical);
+  EXPECT_GT(m.contrast_left, 10.0);
+  EXPECT_NEAR(m.contrast_left, m.contrast_right, 10.0);
+}
+
+TEST_P(PairCheckTest, MeasuresAVerticalShift) {
+  for (const double down_px : {-45.0, -6.5, -1.75, 0.75, 3.0, 12.25, 50.0}) {
+    SCOPED_TRACE(down_px);
+    const PairMeasurement m = measurePair(pair().left, moved(pair().right, down_px));
+    ASSERT_TRUE(m.valid()) << m.matches;
+    EXPECT_NEAR(m.row_offset_px, down_px, 0.25);
+    EXPECT_NEAR(m.row_distance_px, std::abs(down_px), 0.3);
+  }
+}
+
+TEST_P(PairCheckTest, SeesATurnThatTheMedianOffsetHides) {
+  const double turn_deg = 2.0;
+  const PairMeasurement m = measurePair(pair().left, moved(pair().right, 0.0, turn_deg));
+  ASSERT_TRUE(m.valid()) << m.matches;
+  EXPECT_GT(m.row_distance_px, 1.5);
+}
+
+TEST_P(PairCheckTest, ExchangedCamerasHaveNegativeDisparities) {
+  const PairMeasurement usual = measurePair(pair().left, pair().right);
+  const PairMeasurement m = measurePair(pair().right, pair().left);
+  ASSERT_TRUE(m.valid()) << m.matches;
+  EXPECT_NEAR(m.disparity_px, -usual.disparity_px, 1.0);
+  EXPECT_GT(m.behind_infinity_share, 0.8);
+  EXPECT_LT(m.row_distance_px, 0.4);
+}
+
+TEST_P(PairCheckTest, OneCameraOnBothTopicsIsIdentical) {
+  const PairMeasurement m = measurePair(pair().left, pair().left.clone());
+  EXPECT_TRUE(m.identical);
+  EXPECT_NEAR(m.disparity_px, 0.0, 1e-6);
+}
+
+TEST_P(PairCheckTest, FindsNothingInABlankImage) {
+  const cv::Mat blank(pair().left.size(), CV_8UC1, cv::Scalar(90));
+  for (const PairMeasurement& m :
+       {measurePair(blank, pair().right), measurePair(pair().left, blank),
+        measurePair(blank, blank.clone())}) {
+    EXPECT_FALSE(m.valid());
+    EXPECT_FALSE(m.identical) << "a covered lens is another fault";
+    EXPECT_EQ(m.row_distance_px, 0.0);
+  }
+  EXPECT_EQ(measurePair(blank, pair().right).corners_left, 0);
+  EXPECT_EQ(measurePair(blank, pair().right).contrast_left, 0.0);
+  EXPECT_GT(measurePair(blank, pair().right).corners_right, PairMeasurement::kFewestMatches);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, PairCheckTest, testing::Values("street", "indoor", "corridor"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST(PairCheckOtherPicturesTest, DoesNotFindAPairWhereThereIsNone) {
+  const cv::Mat& street = scenePair("street").left;
+  cv::Mat other;
+  cv::resize(scenePair("indoor").right, other, street.size());
+  EXPECT_FALSE(measurePair(street, other).valid());
+  cv::Mat noise[2];
+  for (cv::Mat& image : noise) image = cv::Mat(240, 320, CV_8UC1);
+  cv::RNG random(3);
+  for (cv::Mat& image : noise) random.fill(image, cv::RNG::UNIFORM, 0, 255);
+  EXPECT_FALSE(measurePair(noise[0], noise[1]).valid());
+}
+
+TEST(PairCheckOtherPicturesTest, TakesAnyImage) {
+  const cv::Mat& right = scenePair("corridor").right;
+  const cv::Mat colour(right.size(), CV_8UC3, cv::Scalar(1, 2, 3));
+  for (const cv::Mat& left : {cv::Mat(), colour, cv::Mat(1, 1, CV_8UC1, cv::Scalar(0))}) {
+    EXPECT_FALSE(measurePair(left, right).valid());
+    EXPECT_FALSE(measurePair(right, left).valid());
+  }
+  const cv::Mat half = right(cv::Rect(100, 100, 300, 200));
+  EXPECT_NO_THROW(measurePair(half, right));
+}
+
+TEST(PairCheckOtherPicturesTest, GivesTheSameForTheSame) {
+  const StereoImages& pair = scenePair("indoor");
+  const PairMeasurement a = measurePair(pair.left, pair.right);
+  const PairMeasurement b = measurePair(pair.left, pair.right);
+  EXPECT_EQ(a.matches, b.matches);
+  EXPECT_EQ(a.row_offset_px, b.row_offset_px);
+  EXPECT_EQ(a.disparity_px, b.disparity_px);
+}
+
+}  // namespace
+}  // namespace point_line_odometry

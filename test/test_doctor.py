@@ -1,0 +1,313 @@
+#!/usr/bin/env python3
+"""The doctor as its users meet it: the tool on bags and on a live synthetic camera, and the report of
+the nodelet. Healthy, and with the faults that keep the odometry silent."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+import genpy
+import rosbag
+
+from test_replay import Recording
+from tool_fixture import find_program, run
+
+LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_info|"
+                  r"right camera_info|\S+)\s+(.*)$")
+SUBJECTS = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
+            "images", "calibration", "baseline", "rectification", "disparity", "tf", "speed",
+            "clock"]
+LIVE_S = 60.0
+
+
+def parse(report):
+    """Subject: (level, text with the cure)."""
+    lines = {}
+    for row in report.splitlines():
+        match = LINE.match(row)
+        if match:
+            level, subject, text = match.groups()
+            lines[subject] = (level, text)
+        elif row.startswith(" ") and "-> " in row:
+            level, text = lines[subject]
+            lines[subject] = (level, text + " -> " + row.partition("-> ")[2])
+    return lines
+
+
+class ReportChecks:
+    def check(self, report, failed):
+        """failed: {subject: (level, words, ...)}; all other lines must not have failed."""
+        lines = parse(report)
+        self.assertEqual(list(lines), SUBJECTS, report)
+        for subject, (level, text) in lines.items():
+            if subject not in failed:
+                self.assertIn(level, ("ok", "?"), subject + ": " + text)
+                continue
+            self.assertEqual(level, failed[subject][0], subject + ": " + text)
+            for words in failed[subject][1:]:
+                self.assertIn(words, text)
+            self.assertIn(" -> ", text, "a failed line has a cure")
+
+
+class BagTest(unittest.TestCase, ReportChecks):
+    """On a bag of dataset_to_bag: a drive through the built-in street."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        cls.made = os.path.join(cls.folder, "made.bag")
+        run("dataset_to_bag", "synthetic:street,frames=6", cls.made, "--quiet").check_returncode()
+
+    def make_bag(self, change):
+        """The bag with what change(topic, message) makes of each message, (topic, message)s."""
+        changed = os.path.join(self.folder, "changed.bag")
+        with rosbag.Bag(self.made) as source, rosbag.Bag(changed, "w") as target:
+            for topic, message, stamp in source.read_messages():
+                for new_topic, new_message in change(topic, message):
+                    target.write(new_topic, new_message, stamp)
+        return changed
+
+    def examine(self, bag, failed, *options):
+        result = run("doctor", bag, *options)
+        self.assertEqual(result.stderr, "")
+        self.check(result.stdout, failed)
+        self.assertEqual(result.returncode, 1 if failed else 0, result.stdout)
+        return parse(result.stdout)
+
+    def test_healthy(self):
+        lines = self.examine(self.made, {})
+        self.assertEqual({level for level, _ in lines.values()}, {"ok"})
+        self.assertIn("6 messages, 10.0 Hz", lines["left image"][1])
+        self.assertIn("1241 x 376 mono8", lines["images"][1])
+        self.assertIn("0.54", lines["baseline"][1])
+
+    def test_swapped_topics(self):
+        def swap(topic, message):
+            other = {"left": "right", "right": "left"}
+            parts = topic.split("/")
+            if parts[1] == "stereo":
+                parts[2] = other[parts[2]]
+            return [("/".join(parts), message)]
+        self.examine(self.make_bag(swap), {
+            "calibration": ("ERROR", "swapped", "exchange"),
+            "disparity": ("ERROR", "left and right cameras are swapped", "exchange"),
+        })
+
+    def test_swapped_images_alone(self):
+        def swap(topic, message):
+            other = {"/stereo/left/image_rect": "/stereo/right/image_rect",
+                     "/stereo/right/image_rect": "/stereo/left/image_rect"}
+            return [(other.get(topic, topic), message)]
+        self.examine(self.make_bag(swap), {"disparity": ("ERROR", "swapped")})
+
+    def test_missing_topics(self):
+        for side, kind in (("left", "image_rect"), ("right", "image_rect"),
+                           ("left", "camera_info"), ("right", "camera_info")):
+            with self.subTest(side=side, kind=kind):
+                missing = f"/stereo/{side}/{kind}"
+                bag = self.make_bag(lambda topic, message, missing=missing:
+                                    [(topic, message)] if topic != missing else [])
+                subject = side + (" image" if kind == "image_rect" else " camera_info")
+                self.examine(bag, {subject: ("ERROR", "nothing arrives on " + missing)})
+
+    def test_unsynchronised_stamps(self):
+        def delay(topic, message):
+            if "/right/" in topic:
+                message.header.stamp += genpy.Duration(0.012)
+            return [(topic, message)]
+        bag = self.make_bag(delay)
+        self.examine(bag, {"stamps": ("ERROR", "differ by 12.0 ms", "approximate_sync to true")})
+        self.examine(bag, {}, "--approximate-sync", "0.02")
+        self.examine(bag, {"stamps": ("ERROR", "12.0 ms", "raise approximate_sync_max_interval_s")},
+                     "--approximate-sync", "0.005")
+
+    def test_rows_that_differ(self):
+        def shift(topic, message):
+            if topic == "/stereo/right/image_rect":
+                rows = 5 * message.step
+                message.data = message.data[-rows:] + message.data[:-rows]
+            return [(topic, message)]
+        lines = self.examine(self.make_bag(shift), {
+            "rectification": ("WARN", "images are not rectified", "set rectify")})
+        apart = float(re.search(r"lie ([\d.]+) px", lines["rectification"][1]).group(1))
+        self.assertAlmostEqual(apart, 5.0, delta=0.2)
+
+    def test_blank_images(self):
+        def blank(topic, message):
+            if topic == "/stereo/left/image_rect":
+                message.data = bytes(len(message.data))
+            return [(topic, message)]
+        self.examine(self.make_bag(blank), {"images": ("WARN", "left image shows hardly", "lens")})
+
+    def test_bad_calibration(self):
+        def spoil(topic, message):
+            if topic == "/stereo/right/camera_info":
+                message.P = [0.0] * 12
+            return [(topic, message)]
+        self.examine(self.make_bag(spoil), {
+            "calibration": ("ERROR", "right/camera_info: P is all zero", "camera_calibration")})
+
+    def test_missing_transform(self):
+        bag = self.make_bag(lambda topic, message: [(topic, message)] if "tf" not in topic else [])
+        self.examine(bag, {"tf": ("WARN", "no transform from base_link to left_camera",
+                                  "static_transform_publisher")})
+        self.examine(bag, {}, "--base-frame", "left_camera")
+
+    def test_other_names(self):
+        bag = self.make_bag(lambda topic, message:
+                            [(topic.replace("/stereo/", "/pair/"), message)])
+        self.examine(bag, {})
+
+    def test_what_cannot_be_examined(self):
+        none = os.path.join(self.folder, "none.bag")
+        for words, *arguments in (("cannot be read", none), ("--seconds", none, "--seconds", "0"),
+                                  ("--approximate-sync", none, "--approximate-sync", "7"),
+                                  ("--help", none, "--no-such-option")):
+            result = run("doctor", *arguments)
+            self.assertEqual((result.returncode, result.stdout), (2, ""))
+            self.assertIn(words, result.stderr)
+        self.assertIn("Exit code", run("doctor", "--help").stdout)
+
+
+class LiveTest(unittest.TestCase, ReportChecks):
+    """A roscore of its own, the synthetic camera, the tool and the nodelet."""
+
+    @classmethod
+    def setUpClass(cls):
+        find_program("doctor")
+        cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
+        cls.system = Recording(cls.folder)
+        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+        cls.addClassCleanup(cls.system.close)
+        camera = [find_program("synthetic_stereo"), "__ns:=stereo", "__name:=camera",
+                  "_scene:=street", "_wait_for_subscribers:=false", "_frame_rate_hz:=4"]
+        cls.camera = cls.system.start(camera, "camera")
+        time.sleep(3.0)
+
+    def doctor(self, *arguments):
+        return subprocess.run([find_program("doctor"), "--seconds", "6", *arguments],
+                              env=self.system.environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, universal_newlines=True, timeout=LIVE_S)
+
+    def examine(self, failed, *arguments):
+        result = self.doctor(*arguments)
+        self.check(result.stdout, failed)
+        self.assertEqual(result.returncode, 1 if failed else 0, result.stdout + result.stderr)
+
+    def run_node(self, ns="stereo", player=None):
+        """The odometry's node for ten seconds; returns its log, what its topic doctor said, and
+        its last status of each kind."""
+        record = os.path.join(self.folder, "doctor.bag")
+        recorder = self.system.start(
+            ["rosbag", "record", "-O", record, f"/{ns}/doctor", "/diagnostics"], "record_doctor")
+        time.sleep(2.0)
+        processes = [recorder, self.system.start(
+            [find_program("stereo_odometry"), f"__ns:={ns}"], "node")]
+        if player:
+            time.sleep(1.0)
+            processes.append(self.system.start(player, "player"))
+        time.sleep(10.0)
+        for process in reversed(processes):
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
+            process.wait(timeout=30)
+        with open(os.path.join(self.folder, "node.log"), errors="replace") as log:
+            text = log.read()
+        reports, diagnostics = [], {}
+        with rosbag.Bag(record) as bag:
+            for topic, message, _ in bag.read_messages():
+                if topic.endswith("/doctor"):
+                    reports.append(message)
+                for status in message.status if topic == "/diagnostics" else []:
+                    diagnostics[status.name.rpartition(": ")[2]] = status
+        return text, reports, diagnostics
+
+    def test_healthy(self):
+        self.examine({})
+
+    def test_swapped_topics(self):
+        swap = [f"{a}/{name}:={b}/{name}" for a, b in (("left", "right"), ("right", "left"))
+                for name in ("image_rect", "camera_info")]
+        swap = ["/stereo/" + s.replace(":=", ":=/stereo/") for s in swap]
+        self.examine({"calibration": ("ERROR", "swapped"), "disparity": ("ERROR", "swapped")},
+                     *swap)
+
+    def test_missing_topics(self):
+        self.examine({"left image": ("ERROR", "/stereo/left/image_raw", "set rectify to false"),
+                      "right image": ("ERROR", "/stereo/right/image_raw", "set rectify to false")},
+                     "--rectify")
+        nothing = "nothing arrives on /elsewhere/"
+        self.examine({subject: ("ERROR", nothing) for subject in SUBJECTS[:4]}, "--ns", "elsewhere")
+
+    def test_missing_transform(self):
+        self.examine({"tf": ("ERROR", "no transform from robot to left_camera")},
+                     "--base-frame", "robot")
+
+    def test_nodelet_reports_that_all_is_well(self):
+        log, reports, diagnostics = self.run_node()
+        self.assertEqual(log.count("s after the start"), len(reports))
+        self.assertIn("2 s after the start", log)
+        last = reports[-1]
+        self.assertEqual([status.name.partition(": ")[2] for status in last.status], SUBJECTS)
+        self.assertEqual({status.level for status in last.status}, {0}, last)
+        values = {value.key: value.value for name in ("input", "calibration")
+                  for value in diagnostics[name].values}
+        for key in ("left image rate [1/s]", "skew of left and right [ms]", "baseline [m]",
+                    "row distance of matched points [px]", "disparity [px]",
+                    "time per frame [ms]"):
+            self.assertIn(key, values)
+        self.assertLess(float(values["row distance of matched points [px]"]), 0.5)
+
+    def test_nodelet_says_that_nothing_arrives_and_comes_back(self):
+        os.kill(self.camera.pid, signal.SIGSTOP)
+        self.addCleanup(os.kill, self.camera.pid, signal.SIGCONT)
+        resume = subprocess.Popen(["bash", "-c", f"sleep 7; kill -CONT {self.camera.pid}"])
+        self.addCleanup(resume.wait)
+        log, reports, _ = self.run_node()
+        self.assertGreaterEqual(len(reports), 2, log)
+        self.assertLessEqual(len(reports), 4, "it does not spam")
+        first, last = reports[0], reports[-1]
+        self.assertEqual([status.level for status in first.status[:2]], [2, 2])
+        self.assertIn("nothing arrives on /stereo/left/image_rect", first.status[0].message)
+        self.assertEqual(first.status[5].level, 3, "images are not known yet")
+        self.assertEqual([status.level for status in last.status[:2]], [0, 0], log)
+
+    def test_nodelet_warns_of_rows_that_differ(self):
+        made, shifted = (os.path.join(self.folder, name) for name in ("made.bag", "shifted.bag"))
+        result = run("dataset_to_bag", "synthetic:street,frames=20", made, "--namespace", "shifted",
+                     "--quiet")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with rosbag.Bag(made) as source, rosbag.Bag(shifted, "w") as target:
+            for topic, message, stamp in source.read_messages():
+                if topic == "/shifted/right/image_rect":
+                    message.data = message.data[4 * message.step:] + bytes(4 * message.step)
+                target.write(topic, message, stamp)
+        log, reports, diagnostics = self.run_node(
+            "shifted", ["rosbag", "play", "-q", "-r", "0.3", shifted])
+        calibration = diagnostics["calibration"]
+        self.assertGreaterEqual(calibration.level, 1, calibration)
+        match = re.search(r"images are not rectified: matched points lie ([\d.]+) px apart",
+                          calibration.message)
+        self.assertIsNotNone(match, calibration)
+        self.assertAlmostEqual(float(match.group(1)), 4.0, delta=0.3)
+        self.assertEqual(reports[-1].status[SUBJECTS.index("rectification")].level, 1, reports[-1])
+        self.assertIn("images are not rectified", log)
+
+
+class NoMasterTest(unittest.TestCase):
+    def test_says_that_there_is_no_master(self):
+        environment = dict(os.environ, ROS_MASTER_URI="http://127.0.0.1:1")
+        result = subprocess.run([find_program("doctor")], env=environment, stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, universal_newlines=True, timeout=LIVE_S)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("no ROS master answers at http://127.0.0.1:1", result.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
