@@ -34,14 +34,18 @@ use_ros() {
   if [[ -f $noetic/setup.bash ]]; then source_setup "$noetic/setup.bash"; fi
 }
 
+# From here on a workspace of its own, for another kind of build: .workspace/NAME.
+use_workspace() { workspace=$repository/.workspace/$1; }
+
 # catkin_make in the workspace, which is made if need be; the arguments are catkin_make's.
 catkin_in_workspace() {
   local options=(-DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3)
+  options+=(-DCMAKE_EXPORT_COMPILE_COMMANDS=ON)  # for clang-tidy
   # The GMock that Debian 11 has for CMake gets lost when catkin runs CMake a second time.
   options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
   if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
   mkdir -p "$workspace/src"
-  ln -sfn ../.. "$workspace/src/$package"
+  ln -sfn "$repository" "$workspace/src/$package"
   # CMake refuses a build folder that has been moved or copied with the repository.
   local cache=$workspace/build/CMakeCache.txt
   if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$workspace/src" "$cache"; then

@@ -8,6 +8,7 @@ import unittest
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 CORE_FOLDERS = ["include", "src/common", "src/features", "src/map", "src/matching", "src/geometry",
                 "src/motion", "src/odometry", "src/dataset", "src/world"]
+SHELL_FOLDERS = {"src/ros", "src/tools", "src/benchmark"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]', re.MULTILINE)
 ROS = re.compile(r"^(ros|roscpp|rosbag|tf|tf2|tf2_\w+|\w+_msgs|\w+_srvs|cv_bridge|image_transport"
                  r"|image_geometry|message_filters|nodelet|pluginlib|dynamic_reconfigure"
@@ -46,6 +47,12 @@ def core_files():
 
 
 class CoreHasNoRos(unittest.TestCase):
+    def test_every_folder_is_core_or_shell(self):
+        folders = {"src/" + name for name in os.listdir(os.path.join(REPOSITORY, "src"))}
+        core = {folder for folder in CORE_FOLDERS if folder.startswith("src/")}
+        self.assertEqual(folders, core | SHELL_FOLDERS,
+                         "name a new folder here, and in CONTRIBUTING.md")
+
     def test_the_core_is_found(self):
         names = {os.path.basename(path) for path in core_files()}
         for name in ("stereo_odometry.h", "stereo_odometry.cpp", "line_detector.cpp",

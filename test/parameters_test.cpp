@@ -224,6 +224,11 @@ TEST_F(ParametersTest, AllMistakesOfAFileAreNamedInOneLine) {
   EXPECT_FALSE(contains(text, "\n"));
 }
 
+TEST_F(ParametersTest, NamesThatAreNoTextAndMapsWithinThemselvesAreRefused) {
+  EXPECT_TRUE(contains(refusal("? [a, b]\n: 1\n"), "parameters.yaml"));
+  EXPECT_TRUE(contains(refusal("points: &p\n  inner: *p\n"), "nested too deeply"));
+}
+
 TEST_F(ParametersTest, MissingAndBrokenFilesAreNamed) {
   EXPECT_TRUE(contains(refusal("points: [unclosed\n"), "parameters.yaml"));
   try {

@@ -15,13 +15,18 @@
 namespace point_line_odometry {
 namespace {
 
-/// Collects "a/b/c" -> node for the leaves of nested maps.
-void flatten(const YAML::Node& node, const std::string& prefix,
+/// Deeper than all names; a map that contains itself, which YAML can express, has no end.
+constexpr int kMaxMapDepth = 3;
+
+/// Collects "a/b/c" -> node for the leaves of nested maps. Throws YAML::Exception if a name is no
+/// text or maps are nested too deeply.
+void flatten(const YAML::Node& node, int depth, const std::string& prefix,
              std::vector<std::pair<std::string, YAML::Node>>* leaves) {
+  if (depth > kMaxMapDepth) throw YAML::Exception(node.Mark(), "maps are nested too deeply");
   for (const auto& entry : node) {
     const std::string name = prefix + entry.first.as<std::string>();
     if (entry.second.IsMap()) {
-      flatten(entry.second, name + "/", leaves);
+      flatten(entry.second, depth + 1, name + "/", leaves);
     } else {
       leaves->emplace_back(name, entry.second);
     }
@@ -92,16 +97,16 @@ std::vector<std::string> checkParameters(const Parameters& parameters) {
 
 Parameters loadParameters(const std::string& yaml_file, const std::vector<std::string>& ignored) {
   YAML::Node root;
+  std::vector<std::pair<std::string, YAML::Node>> leaves;
   try {
     root = YAML::LoadFile(yaml_file);
+    if (root.IsMap()) flatten(root, 1, "", &leaves);
   } catch (const YAML::Exception& error) {
     throw std::runtime_error("parameter file '" + yaml_file + "' cannot be read: " + error.what());
   }
   if (!root.IsMap() && !root.IsNull()) {
     throw std::runtime_error("parameter file '" + yaml_file + "' is no map of names");
   }
-  std::vector<std::pair<std::string, YAML::Node>> leaves;
-  if (root.IsMap()) flatten(root, "", &leaves);
 
   Parameters parameters;
   YamlReader reader{leaves, {}, {}};
