@@ -357,6 +357,31 @@ TEST_F(NodeletTest, PublishesPicturesToWhoeverSubscribes) {
   }));
 }
 
+TEST_F(NodeletTest, TakesRequestsWhileImagesFlow) {
+  ASSERT_TRUE(load());
+  std::atomic<bool> stop{false};
+  std::thread camera([this, &stop] {
+    for (int k = 0; !stop; ++k) publishFrame(k % 20);
+  });
+  ResetToPose service;
+  service.request.pose.orientation.w = 1.0;
+  for (int round = 0; round < 10; ++round) {
+    EXPECT_TRUE(callTrigger("reset"));
+    EXPECT_TRUE(callTrigger("pause"));
+    EXPECT_TRUE(callTrigger("resume"));
+    ros::WallDuration(0.05).sleep();
+    EXPECT_TRUE(ros::service::call("/stereo/odometry/reset_to_pose", service));
+    EXPECT_TRUE(service.response.success) << service.response.message;
+  }
+  stop = true;
+  camera.join();
+  EXPECT_TRUE(waitFor([this] { return hasOdometry(stamp_); }));
+  ASSERT_TRUE(callTrigger("reset"));
+  expectPosition(drive(0, 1), 0.0, 0.0, 1e-9);
+  ASSERT_TRUE(waitFor([this] { return lastInfo().header.stamp == stamp_; }));
+  EXPECT_EQ(lastInfo().exceptions + lastInfo().frames_rejected, 0U);
+}
+
 TEST_F(NodeletTest, UnloadsWhileImagesFlow) {
   for (int round = 0; round < 3; ++round) {
     ASSERT_TRUE(load());

@@ -102,6 +102,7 @@ struct Parameters {
 /// text)`, for a bool as `visit(name, value, text)` and for a choice as `visit(name, value,
 /// choices, text)`. Names are paths, as in YAML.
 template <typename AnyParameters, typename Visitor>
+// NOLINTNEXTLINE(readability-function-size): a table
 void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("points/enabled", p.points.enabled, "use points");
   visit("points/cell_size_px", p.points.cell_size_px, 16, 400, "px",
