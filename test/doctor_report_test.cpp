@@ -307,6 +307,9 @@ TEST(DoctorReportTest, SeesThatTheImagesAreOfDifferentPlaces) {
   cv::flip(camera.right_, camera.right_, 0);
   expectLine(camera.watch(), Subject::kRectification, Level::kWarn, "are not found in the right",
              "upside down");
+  DoctorFacts plain_wall = camera.watch();
+  plain_wall.pair->corners_right = 100;
+  expectLine(plain_wall, Subject::kRectification, Level::kUnknown, "not measured");
 }
 
 TEST(DoctorReportTest, WarnsWhenTheRectificationDrifts) {

@@ -14,7 +14,7 @@ import unittest
 import genpy
 import rosbag
 
-from test_replay import Recording
+from ros_fixture import local_host, wait_until
 from tool_fixture import find_program, run
 
 LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_info|"
@@ -85,7 +85,7 @@ class BagTest(unittest.TestCase, ReportChecks):
         self.assertEqual({level for level, _ in lines.values()}, {"ok"})
         self.assertIn("6 messages, 10.0 Hz", lines["left image"][1])
         self.assertIn("1241 x 376 mono8", lines["images"][1])
-        self.assertIn("0.54", lines["baseline"][1])
+        self.assertIn("0.5372 m", lines["baseline"][1])
 
     def test_swapped_topics(self):
         def swap(topic, message):
@@ -180,19 +180,21 @@ class LiveTest(unittest.TestCase, ReportChecks):
 
     @classmethod
     def setUpClass(cls):
-        find_program("doctor")
         cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
-        cls.system = Recording(cls.folder)
         cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+        cls.system = local_host(cls.folder)
         cls.addClassCleanup(cls.system.close)
-        camera = [find_program("synthetic_stereo"), "__ns:=stereo", "__name:=camera",
-                  "_scene:=street", "_wait_for_subscribers:=false", "_frame_rate_hz:=4"]
-        cls.camera = cls.system.start(camera, "camera")
-        time.sleep(3.0)
+        cls.system.start_roscore()
+        cls.camera = cls.system.start(
+            [find_program("synthetic_stereo"), "__ns:=stereo", "__name:=camera", "_scene:=street",
+             "_wait_for_subscribers:=false", "_frame_rate_hz:=2"], "camera")
+        if not wait_until(lambda: parse(cls.doctor().stdout)["left image"][0] == "ok"):
+            raise RuntimeError("no images: " + cls.system.log("camera"))
 
-    def doctor(self, *arguments):
+    @classmethod
+    def doctor(cls, *arguments):
         return subprocess.run([find_program("doctor"), "--seconds", "6", *arguments],
-                              env=self.system.environment, stdout=subprocess.PIPE,
+                              env=cls.system.environment, stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE, universal_newlines=True, timeout=LIVE_S)
 
     def examine(self, failed, *arguments):
@@ -201,7 +203,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
         self.assertEqual(result.returncode, 1 if failed else 0, result.stdout + result.stderr)
 
     def run_node(self, ns="stereo", player=None):
-        """The odometry's node for ten seconds; returns its log, what its topic doctor said, and
+        """The odometry's node for a while; returns its log, what its topic doctor said, and
         its last status of each kind."""
         record = os.path.join(self.folder, "doctor.bag")
         recorder = self.system.start(
@@ -212,13 +214,9 @@ class LiveTest(unittest.TestCase, ReportChecks):
         if player:
             time.sleep(1.0)
             processes.append(self.system.start(player, "player"))
-        time.sleep(10.0)
+        time.sleep(12.0)
         for process in reversed(processes):
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
-            process.wait(timeout=30)
-        with open(os.path.join(self.folder, "node.log"), errors="replace") as log:
-            text = log.read()
+            self.system.end(process)
         reports, diagnostics = [], {}
         with rosbag.Bag(record) as bag:
             for topic, message, _ in bag.read_messages():
@@ -226,7 +224,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
                     reports.append(message)
                 for status in message.status if topic == "/diagnostics" else []:
                     diagnostics[status.name.rpartition(": ")[2]] = status
-        return text, reports, diagnostics
+        return self.system.log("node"), reports, diagnostics
 
     def test_healthy(self):
         self.examine({})

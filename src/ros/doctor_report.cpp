@@ -299,8 +299,15 @@ const char* rectificationCure(const DoctorFacts& facts) {
 }
 
 DoctorLine judgeRectification(const DoctorFacts& facts) {
+  constexpr int kPlentyOfCorners = 150;  // of these some match, unless something is wrong
   if (const auto line = withoutMeasurement(facts, Subject::kRectification)) return *line;
   const PairMeasurement& pair = *facts.pair;
+  if (!pair.valid() && std::min(pair.corners_left, pair.corners_right) < kPlentyOfCorners) {
+    return unknown(Subject::kRectification, "not measured: " + std::to_string(pair.matches) +
+                                                " points match, of " +
+                                                std::to_string(pair.corners_left) + " and " +
+                                                std::to_string(pair.corners_right) + " corners");
+  }
   if (!pair.valid()) {
     return failure(Subject::kRectification, Level::kWarn,
                    "points of the left image are not found in the right one, not even in rows far "
