@@ -119,6 +119,17 @@ TEST(PairCheckOtherPicturesTest, DoesNotFindAPairWhereThereIsNone) {
   EXPECT_FALSE(measurePair(noise[0], noise[1]).valid());
 }
 
+TEST(PairCheckOtherPicturesTest, LeavesOutWhatDoesNotFitIn) {
+  const StereoImages& pair = scenePair("street");
+  cv::Mat right = pair.right.clone();
+  // A third of the view is found again, but elsewhere.
+  pair.left(cv::Rect(400, 0, 400, 300)).copyTo(right(cv::Rect(460, 20, 400, 300)));
+  const PairMeasurement m = measurePair(pair.left, right);
+  ASSERT_TRUE(m.valid()) << m.matches;
+  EXPECT_LT(m.behind_infinity_share, 0.1);
+  EXPECT_LT(m.row_distance_px, 0.4);
+}
+
 TEST(PairCheckOtherPicturesTest, TakesAnyImage) {
   const cv::Mat& right = scenePair("corridor").right;
   const cv::Mat colour(right.size(), CV_8UC3, cv::Scalar(1, 2, 3));
