@@ -12,6 +12,7 @@ namespace {
 
 double medianOf(const std::deque<PairMeasurement>& measurements, double PairMeasurement::*field) {
   std::vector<double> values;
+  values.reserve(measurements.size());
   for (const PairMeasurement& measurement : measurements) values.push_back(measurement.*field);
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

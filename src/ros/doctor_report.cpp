@@ -583,6 +583,7 @@ diagnostic_msgs::DiagnosticArray toDiagnosticArray(const std::vector<DoctorLine>
 bool ReportSchedule::due(double age_s, const std::vector<DoctorLine>& lines) {
   if (settled_ || num_reports_ >= kMostReports || age_s < next_s_) return false;
   std::vector<Level> levels;
+  levels.reserve(lines.size());
   for (const DoctorLine& line : lines) levels.push_back(line.level);
   if (levels == last_levels_) return false;
   last_levels_ = std::move(levels);

@@ -20,7 +20,7 @@ StereoInput::TopicNames resolvedNames(const ros::NodeHandle& nh, bool rectify) {
 
 }  // namespace
 
-StereoSubscriber::StereoSubscriber(ros::NodeHandle nh, const ros::NodeHandle& private_nh,
+StereoSubscriber::StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                    const NodeParameters& parameters, StereoInput::Callback callback)
     : parameters_(parameters),
       last_set_s_(wallSeconds()),

@@ -24,7 +24,7 @@ class StereoSubscriber {
   /// \param private_nh where the image transports look up their own parameters.
   /// \param callback called from the callback queue of `nh`, never from two threads at once if that
   /// is a serial queue.
-  StereoSubscriber(ros::NodeHandle nh, const ros::NodeHandle& private_nh,
+  StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                    const NodeParameters& parameters, StereoInput::Callback callback);
 
   StereoSubscriber(const StereoSubscriber&) = delete;
