@@ -13,10 +13,11 @@ namespace {
 constexpr double kBesideShare = 0.2;  // of the camera's own speed
 constexpr double kBesideSpeed = 0.1;  // [m/s] and [rad/s], of a camera that stands
 
-constexpr double kFadeTime_s = 0.5;   // in which an offset fades to a third of itself, if it may
-constexpr double kRestTime_s = 0.5;   // after which a camera that has not moved stands
-constexpr double kMaxSigmas = 3.0;    // by which the estimate may differ from that at rest
-constexpr double kNegligible = 1e-9;  // [m] and [rad], of an offset
+constexpr double kFadeTime_s = 0.5;     // in which an offset fades to a third of itself, if it may
+constexpr double kLongestStep_s = 0.5;  // after a gap no more is taken up at once than in this time
+constexpr double kRestTime_s = 0.5;     // after which a camera that has not moved stands
+constexpr double kMaxSigmas = 3.0;      // by which the estimate may differ from that at rest
+constexpr double kNegligible = 1e-9;    // [m] and [rad], of an offset
 
 /// Translation and rotation from a to b, along and about the axes of odom.
 Vector6d difference(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
@@ -93,13 +94,14 @@ void SteadyPose::follow(const PoseIntegrator& estimate, const Vector6d& velocity
     offset_ = difference(T_odom_estimate, T_odom_camera_);
     return;
   }
-  offset_ *= std::exp(-dt_s / kFadeTime_s);
+  const double step_s = std::min(dt_s, kLongestStep_s);
+  offset_ *= std::exp(-step_s / kFadeTime_s);
   if (offset_.norm() < kNegligible) offset_.setZero();
   const Eigen::Isometry3d T_odom_wanted = moved(T_odom_estimate, offset_);
   const Eigen::Isometry3d T_odom_moved = T_odom_camera_ * motionAtVelocity(velocity, dt_s);
   const Vector6d beside = difference(T_odom_moved, T_odom_wanted);
-  const double most_m = (kBesideShare * velocity.head<3>().norm() + kBesideSpeed) * dt_s;
-  const double most_rad = (kBesideShare * velocity.tail<3>().norm() + kBesideSpeed) * dt_s;
+  const double most_m = (kBesideShare * velocity.head<3>().norm() + kBesideSpeed) * step_s;
+  const double most_rad = (kBesideShare * velocity.tail<3>().norm() + kBesideSpeed) * step_s;
   if (beside.head<3>().norm() <= most_m && beside.tail<3>().norm() <= most_rad) {
     T_odom_camera_ = T_odom_wanted;
     return;
