@@ -9,6 +9,7 @@ import glob
 import json
 import os
 import shutil
+import sys
 import tempfile
 import threading
 import time
@@ -20,11 +21,16 @@ import rostest
 from dynamic_reconfigure.client import Client
 from nodelet.srv import NodeletLoad, NodeletUnload
 from nav_msgs.msg import Odometry
-from point_line_odometry.msg import OdometryInfo
-from point_line_odometry.srv import DumpRecording
 from rosgraph_msgs.msg import Log
 
 from tool_fixture import run
+
+# catkin's environment for tests is made before the messages' modules are, in a new workspace.
+sys.path += [os.path.join(prefix, "lib", "python3", "dist-packages")
+             for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)]
+
+from point_line_odometry.msg import OdometryInfo  # noqa: E402
+from point_line_odometry.srv import DumpRecording  # noqa: E402
 
 NODE = "/stereo/odometry"
 CAMERA = "/stereo/camera"

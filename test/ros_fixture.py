@@ -91,6 +91,13 @@ class Host:
                 process.wait()
         return process.returncode
 
+    @classmethod
+    def end_recording(cls, recorder, bag):
+        """Ctrl-C for `rosbag record`. What records gives the bag its name after that script ended."""
+        cls.end(recorder)
+        if not wait_until(lambda: os.path.exists(bag)):
+            raise RuntimeError(f"rosbag record leaves no {bag}")
+
     def close(self):
         for process in reversed(self.processes):
             self.end(process)

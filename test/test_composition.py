@@ -249,7 +249,7 @@ class TwoComputersTest(unittest.TestCase):
         self.network.plug(True)
         self.wait_for_frames(1, 60.0)
         self.wait_for_frames(30, 30.0)
-        self.camera.end(recorder)
+        self.camera.end_recording(recorder, bag)
         self.check_gap(self.states())
         self.check_what_rviz_gets(bag)
 

@@ -209,14 +209,14 @@ class LiveTest(unittest.TestCase, ReportChecks):
         recorder = self.system.start(
             ["rosbag", "record", "-O", record, f"/{ns}/doctor", "/diagnostics"], "record_doctor")
         time.sleep(2.0)
-        processes = [recorder, self.system.start(
-            [find_program("stereo_odometry"), f"__ns:={ns}"], "node")]
+        processes = [self.system.start([find_program("stereo_odometry"), f"__ns:={ns}"], "node")]
         if player:
             time.sleep(1.0)
             processes.append(self.system.start(player, "player"))
         time.sleep(12.0)
         for process in reversed(processes):
             self.system.end(process)
+        self.system.end_recording(recorder, record)
         reports, diagnostics = [], {}
         with rosbag.Bag(record) as bag:
             for topic, message, _ in bag.read_messages():
@@ -224,6 +224,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
                     reports.append(message)
                 for status in message.status if topic == "/diagnostics" else []:
                     diagnostics[status.name.rpartition(": ")[2]] = status
+        os.remove(record)
         return self.system.log("node"), reports, diagnostics
 
     def test_healthy(self):

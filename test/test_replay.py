@@ -64,8 +64,8 @@ class Recording:
         while time.monotonic() < deadline and not done():
             time.sleep(0.5)
         time.sleep(2.0)
-        for process in (self.recorder, self.launch):
-            self.host.end(process)
+        self.host.end_recording(self.recorder, self.bag)
+        self.host.end(self.launch)
 
     def log(self):
         return self.host.log("launch")

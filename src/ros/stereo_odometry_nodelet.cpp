@@ -49,9 +49,10 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
       static_cast<std::size_t>(parameters_.queue_size));
   worker_ = std::thread(&StereoOdometryNodelet::work, this);
   offerServices();
-  // Its calls of the parameter server must not hold up the images.
+  // In the queue of all other callbacks: the thread that runs one of them may be the last to let go
+  // of the nodelet, and the manager has freed its other queue by then.
   reconfiguration_ = std::make_unique<Reconfiguration>(
-      getMTPrivateNodeHandle(), parameters.core, [this](const Parameters& core) {
+      private_nh, parameters.core, [this](const Parameters& core) {
         const std::lock_guard<std::mutex> lock(request_mutex_);
         requested_parameters_ = core;
       });
