@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "benchmark/statistics.h"
+#include "common/statistics.h"
 
 namespace point_line_odometry {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "benchmark/row_timer.h"
 #include "benchmark/rows.h"
-#include "benchmark/statistics.h"
+#include "common/statistics.h"
 #include "point_line_odometry/stereo_odometry.h"
 
 namespace point_line_odometry {

@@ -2,7 +2,7 @@
 
 #include <opencv2/core/version.hpp>
 
-#include "benchmark/statistics.h"
+#include "common/statistics.h"
 #include "tools/interruption.h"
 
 namespace point_line_odometry {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/statistics.h"
 #include "matching/descriptor_distance.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/point_detector.h"
@@ -141,12 +142,6 @@ void refine(const cv::Mat& left, const cv::Mat& right, std::vector<PixelPair>* p
   }
 }
 
-double medianOf(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 template <typename Value>
 std::vector<float> valuesOf(const std::vector<PixelPair>& pairs, const Value& value) {
   std::vector<float> values;
@@ -197,9 +192,9 @@ PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right) {
   const auto amount = [](const PixelPair& pair) { return std::abs(pair.rowDifference()); };
   const auto disparity = [](const PixelPair& pair) { return pair.disparity(); };
   measurement.matches = static_cast<int>(pairs.size());
-  measurement.row_offset_px = medianOf(valuesOf(pairs, row));
-  measurement.row_distance_px = medianOf(valuesOf(pairs, amount));
-  measurement.disparity_px = medianOf(valuesOf(pairs, disparity));
+  measurement.row_offset_px = median(valuesOf(pairs, row));
+  measurement.row_distance_px = median(valuesOf(pairs, amount));
+  measurement.disparity_px = median(valuesOf(pairs, disparity));
   const auto behind = std::count_if(pairs.begin(), pairs.end(), [&](const PixelPair& pair) {
     return pair.disparity() < kBehindInfinityPx;
   });

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "geometry/skew.h"
 #include "motion/motion_cost.h"
@@ -199,25 +200,16 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   return finished(*problem, second.T_curr_prev, iterations);
 }
 
-/// The estimator for the images that give residuals.
+/// The estimator for the images that give residuals. \param max_distance_px if given, only matches
+/// that the start explains so well take part.
 template <ResidualImages kImages>
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
-                        const Eigen::Isometry3d& T_curr_prev_initial,
-                        const MotionParameters& parameters) {
+                        const Eigen::Isometry3d& start, const MotionParameters& parameters,
+                        std::optional<double> max_distance_px) {
   MotionProblem<kImages> problem(correspondences, camera, parameters);
-  problem.linearizeWeights(T_curr_prev_initial);
-  return solveTwice(T_curr_prev_initial, parameters, &problem);
-}
-
-/// See estimateMotionNearPrediction().
-template <ResidualImages kImages>
-MotionEstimate estimateNear(const Correspondences& correspondences, const StereoCamera& camera,
-                            const Eigen::Isometry3d& T_predicted,
-                            const MotionParameters& parameters) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters);
-  problem.linearizeWeights(T_predicted);
-  problem.selectNear(T_predicted, kPredictedPx);
-  return solveTwice(T_predicted, parameters, &problem);
+  problem.linearizeWeights(start);
+  if (max_distance_px) problem.selectNear(start, *max_distance_px);
+  return solveTwice(start, parameters, &problem);
 }
 
 /// Solves for the translation at a rotation that is held; `direct` if that fails.
@@ -260,16 +252,16 @@ MotionEstimate estimateMotion(const Correspondences& correspondences, const Ster
                               const MotionParameters& parameters) {
   const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
                                                     : estimate<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_initial, parameters);
+  return estimator(correspondences, camera, T_curr_prev_initial, parameters, std::nullopt);
 }
 
 MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
                                             const StereoCamera& camera,
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
                                             const MotionParameters& parameters) {
-  const auto estimator = usesBothImages(parameters) ? estimateNear<ResidualImages::kBoth>
-                                                    : estimateNear<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_predicted, parameters);
+  const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
+                                                    : estimate<ResidualImages::kLeft>;
+  return estimator(correspondences, camera, T_curr_prev_predicted, parameters, kPredictedPx);
 }
 
 MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,

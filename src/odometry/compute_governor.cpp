@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/statistics.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -14,14 +16,6 @@ constexpr double kAim = 0.9;           // share of the target that a cut aims at
 constexpr double kRise = 1.1;
 // Below this share of the target there is room for one rise: 0.8 * 1.1 is still below kAim.
 constexpr double kRoomBelow = 0.8;
-
-double takeMedian(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  const double median = *middle;
-  values->clear();
-  return median;
-}
 
 }  // namespace
 
@@ -36,7 +30,8 @@ double ComputeGovernor::addFrame(double frame_ms) {
   if (target_ms_ == 0.0 || !std::isfinite(frame_ms) || frame_ms < 0.0) return budget_;
   times_ms_.push_back(frame_ms);
   if (times_ms_.size() < kFramesPerDecision) return budget_;
-  const double median_ms = takeMedian(&times_ms_);
+  const double median_ms = median(times_ms_);
+  times_ms_.clear();
   if (median_ms > target_ms_) {
     const double wanted = kAim * target_ms_ / median_ms;
     budget_ =

@@ -1,10 +1,11 @@
 #include "ros/doctor_examination.h"
 
-#include <algorithm>
 #include <exception>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
+#include "common/statistics.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -14,9 +15,7 @@ double medianOf(const std::deque<PairMeasurement>& measurements, double PairMeas
   std::vector<double> values;
   values.reserve(measurements.size());
   for (const PairMeasurement& measurement : measurements) values.push_back(measurement.*field);
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return median(std::move(values));
 }
 
 std::optional<ImageFacts> imageFacts(const sensor_msgs::ImageConstPtr& message,

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/statistics.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -215,9 +217,7 @@ std::optional<double> StereoInput::skew(StereoTopic topic, StereoTopic other) co
     }
     distances_s.push_back(nearest_s);
   }
-  const auto middle = distances_s.begin() + static_cast<std::ptrdiff_t>(distances_s.size() / 2);
-  std::nth_element(distances_s.begin(), middle, distances_s.end());
-  return *middle;
+  return median(std::move(distances_s));
 }
 
 std::string StereoInput::explainSilence() const {

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <exception>
 #include <optional>
 #include <vector>
 
+#include "common/statistics.h"
 #include "ros/doctor_examination.h"
 #include "ros/frame_processor.h"
 
@@ -45,9 +45,7 @@ class DoctorPairs {
       return std::nullopt;  // the other lines say why
     }
     if (times_ms.size() < 2) return std::nullopt;
-    const auto middle = times_ms.begin() + 1 + static_cast<std::ptrdiff_t>(times_ms.size() - 1) / 2;
-    std::nth_element(times_ms.begin() + 1, middle, times_ms.end());
-    return *middle;
+    return median(std::vector<double>(times_ms.begin() + 1, times_ms.end()));
   }
 
  private:

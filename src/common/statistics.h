@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace point_line_odometry {
 
 /// The value below which this share (0 ... 1) of the values lie, by the nearest rank; 0 of none.
-inline double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
+template <typename Value>
+Value quantile(std::vector<Value> values, double share) {
+  if (values.empty()) return Value(0);
   const auto rank = static_cast<std::size_t>(share * static_cast<double>(values.size()));
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(std::min(rank, values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -16,6 +18,9 @@ inline double quantile(std::vector<double> values, double share) {
 }
 
 /// The middle value; 0 of none.
-inline double median(std::vector<double> values) { return quantile(std::move(values), 0.5); }
+template <typename Value>
+Value median(std::vector<Value> values) {
+  return quantile(std::move(values), 0.5);
+}
 
 }  // namespace point_line_odometry
