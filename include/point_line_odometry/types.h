@@ -36,4 +36,7 @@ struct StereoImages {
   std::int64_t stamp_ns = 0;
 };
 
+/// A difference of stamps in seconds.
+inline double toSeconds(std::int64_t span_ns) { return 1e-9 * static_cast<double>(span_ns); }
+
 }  // namespace point_line_odometry

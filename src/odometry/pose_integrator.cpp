@@ -51,8 +51,7 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
 }
 
 bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s) {
-  const double unmeasured_s =
-      velocity_ ? 1e-9 * static_cast<double>(stamp_ns - velocity_->stamp_ns) : dt_s;
+  const double unmeasured_s = velocity_ ? toSeconds(stamp_ns - velocity_->stamp_ns) : dt_s;
   const bool moves = velocity_ && unmeasured_s <= max_prediction_s;
   const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
   const Eigen::Isometry3d T_prev_curr =

@@ -111,7 +111,7 @@ FrameProcessor::Calibration FrameProcessor::makeCalibration(const StereoMessages
 /// the core drops it.
 void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
   if (!last_stamp_ns_ || parameters_.node.on_time_jump == "ignore") return;
-  const double back_s = 1e-9 * static_cast<double>(*last_stamp_ns_ - stamp_ns);
+  const double back_s = toSeconds(*last_stamp_ns_ - stamp_ns);
   if (back_s <= kMaxLateness_s) return;
   started_anew_ = parameters_.node.on_time_jump == "reset";
   reset(started_anew_ ? initialPose(parameters_.node) : T_odom_base_);

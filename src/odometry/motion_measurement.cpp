@@ -1,0 +1,163 @@
+#include "odometry/motion_measurement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "motion/camera_motion.h"
+#include "odometry/correspondences.h"
+#include "odometry/uncertainty.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
+
+// If the map gives fewer matches than this share of those with the last frame, these are used, too.
+constexpr double kFewMapMatches = 0.5;
+
+/// Appends the matches of one kind that agree with a motion; all of them if there is none.
+template <typename Correspondence>
+void appendMatches(const std::vector<Correspondence>& matches, const MotionEstimate& motion,
+                   const std::vector<bool>& inliers, std::vector<Correspondence>* list) {
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (!motion.ok() || inliers[i]) list->push_back(matches[i]);
+  }
+}
+
+TrackingReason trackingReason(MotionStatus status) {
+  switch (status) {
+    case MotionStatus::kOk:
+      return TrackingReason::kNone;
+    case MotionStatus::kTooFewMatches:
+      return TrackingReason::kTooFewMatches;
+    case MotionStatus::kTooFewInliers:
+      return TrackingReason::kTooFewInliers;
+    case MotionStatus::kSolverFailed:
+      break;
+  }
+  return TrackingReason::kSolverFailed;
+}
+
+}  // namespace
+
+MotionMeasurement MotionMeter::measure(const StereoFrame& curr) const {
+  const double dt_s = toSeconds(curr.stamp_ns - history_.reference->stamp_ns);
+  const MotionPrediction prediction = predict(dt_s);
+  MotionMeasurement measurement = measureDirectly(curr, prediction);
+  if (history_.map) {
+    const StageTimer timer(times_, Stage::kMap);
+    measureAgainstMap(curr, prediction, &measurement);
+  }
+  if (measurement.motion.ok()) measurement.reason = reasonOf(measurement.motion, dt_s);
+  return measurement;
+}
+
+/// The estimate over two frames needs nothing of the direct one: they are made side by side.
+MotionMeasurement MotionMeter::measureDirectly(const StereoFrame& curr,
+                                               const MotionPrediction& prediction) const {
+  MotionMeasurement measurement;
+  const int few = parameters_.motion.min_matches;
+  if (static_cast<int>(curr.points.size() + curr.lines.size()) < few) {
+    measurement.reason = TrackingReason::kTooFewFeatures;
+    return measurement;
+  }
+  const Stages direct{Stage::kMatchCircular, Stage::kEstimate};
+  MotionEstimate over_two;
+  if (history_.before_reference) {
+    threads_->run(2, [&](int task) {
+      if (task == 0) {
+        measurement = measureSince(*history_.reference, curr, prediction, direct, nullptr);
+      } else {
+        const MotionPrediction since_two_frames{
+            prediction.T_curr_prev * history_.before_reference->T_reference_before,
+            prediction.radius_px};
+        over_two = measureSince(history_.before_reference->frame, curr, since_two_frames,
+                                {Stage::kTwoFrames, Stage::kTwoFrames}, nullptr)
+                       .direct;
+      }
+    });
+  } else {
+    measurement = measureSince(*history_.reference, curr, prediction, direct, threads_);
+  }
+  measurement.motion = measurement.direct;
+  if (measurement.direct.ok() && over_two.ok()) {
+    const StageTimer timer(times_, Stage::kFuse);
+    measurement.motion = measurement.direct = fuseRotation(
+        measurement.direct, over_two.T_curr_prev, history_.before_reference->T_reference_before,
+        measurement.correspondences, context_.camera, parameters_.motion);
+  }
+  measurement.reason = trackingReason(measurement.direct.status);
+  return measurement;
+}
+
+MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const StereoFrame& curr,
+                                            const MotionPrediction& prediction,
+                                            const Stages& stages, ThreadPool* threads) const {
+  MotionMeasurement measurement;
+  {
+    const StageTimer timer(times_, stages.match);
+    measurement.matches =
+        matchCircular(earlier, curr, context_.camera, prediction, parameters_.matching);
+    measurement.correspondences = makeCorrespondences(earlier, curr, measurement.matches,
+                                                      prediction.T_curr_prev, context_, threads);
+  }
+  const StageTimer timer(times_, stages.estimate);
+  measurement.direct = estimate(measurement.correspondences, prediction.T_curr_prev, earlier, curr);
+  return measurement;
+}
+
+/// The direct motion says where the landmarks are expected; they say where the camera is.
+void MotionMeter::measureAgainstMap(const StereoFrame& curr, const MotionPrediction& prediction,
+                                    MotionMeasurement* measurement) const {
+  const Eigen::Isometry3d& T_curr_reference =
+      measurement->direct.ok() ? measurement->direct.T_curr_prev : prediction.T_curr_prev;
+  measurement->sights = history_.map->find(
+      curr, context_, history_.map->T_map_reference() * T_curr_reference.inverse(), threads_);
+  Correspondences matches = history_.map->correspondences(measurement->sights);
+  const Correspondences& direct = measurement->correspondences;
+  const auto size = [](const Correspondences& c) {
+    return static_cast<double>(c.points.size() + c.lines.size());
+  };
+  if (size(matches) < kFewMapMatches * size(direct)) {
+    const MotionEstimate& motion = measurement->direct;
+    appendMatches(direct.points, motion, motion.point_inliers, &matches.points);
+    appendMatches(direct.lines, motion, motion.line_inliers, &matches.lines);
+  }
+  const MotionEstimate motion = estimate(matches, T_curr_reference, *history_.reference, curr);
+  if (motion.ok()) {
+    measurement->motion = motion;
+  } else {
+    measurement->sights.points.clear();
+    measurement->sights.lines.clear();
+  }
+}
+
+/// Only a prediction from a velocity can tell the camera's motion from that of what it sees.
+MotionEstimate MotionMeter::estimate(const Correspondences& matches,
+                                     const Eigen::Isometry3d& T_curr_prev, const StereoFrame& prev,
+                                     const StereoFrame& curr) const {
+  const double dt_s = toSeconds(curr.stamp_ns - prev.stamp_ns);
+  return velocity_
+             ? estimateCameraMotion(matches, context_.camera, T_curr_prev, dt_s, parameters_.motion)
+             : estimateMotion(matches, context_.camera, T_curr_prev, parameters_.motion);
+}
+
+TrackingReason MotionMeter::reasonOf(const MotionEstimate& motion, double dt_s) const {
+  if (!motion.ok()) return trackingReason(motion.status);
+  const Vector6d velocity = velocityOfMotion(motion.T_curr_prev.inverse(), dt_s);
+  const bool too_fast =
+      velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
+      velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
+  return too_fast ? TrackingReason::kTooFast : TrackingReason::kNone;
+}
+
+MotionPrediction MotionMeter::predict(double dt_s) const {
+  if (!velocity_) {
+    return {Eigen::Isometry3d::Identity(), parameters_.matching.search_radius_without_velocity_px};
+  }
+  const double widening = std::clamp(dt_s / velocity_->measured_over_s, 1.0, kMaxWidening);
+  return {motionAtVelocity(velocity_->value, dt_s).inverse(),
+          widening * parameters_.matching.search_radius_px};
+}
+
+}  // namespace point_line_odometry
