@@ -17,7 +17,8 @@ LAYOUTS = ('KITTI', 'EuRoC')
 RESULT_FILES = ('trajectory.tum', 'trajectory.kitti', 'frames.csv', 'summary.json',
                 'evaluation.json', 'trajectory.png', 'errors.png', 'positions.csv',
                 'sequence.json')
-REPORT_FILES = ('report.md', 'results.csv', 'overview.png', 'segment_errors.png')
+REPORT_FILES = ('report.md', 'results.csv', 'overview.png', 'residuals.png',
+                'segment_errors.png')
 
 # A line that run_sequence prints: this, then the folder of the result as tar.gz in base64.
 RESULT_MARK = 'result of a sequence: '

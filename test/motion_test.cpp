@@ -5,6 +5,8 @@
 #include <array>
 #include <functional>
 #include <limits>
+#include <numeric>
+#include <utility>
 
 #include "motion/motion_cost.h"
 #include "synthetic_scene.h"
@@ -129,6 +131,55 @@ TEST(EstimateMotion, ThereAndBackAreConsistent) {
   const MotionEstimate b = estimateMotion(back, camera, Isometry3d::Identity(), {});
   ASSERT_TRUE(a.ok() && b.ok());
   EXPECT_TRUE((a.T_curr_prev * b.T_curr_prev).isApprox(Isometry3d::Identity(), 1e-6));
+}
+
+/// Histograms of many estimates together.
+std::pair<ResidualHistogram, ResidualHistogram> residualsOf(double noise_px, double sigma_px) {
+  std::pair<ResidualHistogram, ResidualHistogram> residuals;
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
+    MatchOptions options{100, 40};
+    options.noise_px = noise_px;
+    options.sigma_px = sigma_px;
+    const MotionEstimate estimate =
+        estimateMotion(synthetic::matches(synthetic::camera(), synthetic::motion(), options, seed),
+                       synthetic::camera(), Isometry3d::Identity(), {});
+    EXPECT_TRUE(estimate.ok());
+    EXPECT_EQ(estimate.point_residuals.size(), 3 * estimate.num_point_inliers);
+    EXPECT_EQ(estimate.line_residuals.size(), 4 * estimate.num_line_inliers);
+    residuals.first.add(estimate.point_residuals);
+    residuals.second.add(estimate.line_residuals);
+  }
+  return residuals;
+}
+
+TEST(EstimateMotion, WeightedResidualsHaveUnitVarianceIfTheNoiseIsAsSaid) {
+  const auto [points, lines] = residualsOf(0.3, 0.3);
+  EXPECT_NEAR(points.variance(), 1.0, 0.06);
+  EXPECT_NEAR(lines.variance(), 1.0, 0.06);
+  // Of a normal distribution 38.3 % lie within half a standard deviation of 0.
+  for (const ResidualHistogram* histogram : {&points, &lines}) {
+    constexpr int kMiddle = ResidualHistogram::kBins / 2;
+    const auto within = std::accumulate(histogram->counts.begin() + kMiddle - 2,
+                                        histogram->counts.begin() + kMiddle + 2, std::int64_t{0});
+    EXPECT_NEAR(static_cast<double>(within) / static_cast<double>(histogram->size()), 0.383, 0.04);
+  }
+}
+
+TEST(EstimateMotion, WeightedResidualsTellThatTheNoiseIsLessThanSaid) {
+  const auto [points, lines] = residualsOf(0.15, 0.3);
+  EXPECT_NEAR(points.variance(), 0.25, 0.03);
+  EXPECT_NEAR(lines.variance(), 0.25, 0.03);
+}
+
+TEST(ResidualHistogram, OutermostBinsHoldWhatIsBeyond) {
+  ResidualHistogram histogram;
+  for (const double value : {-100.0, -0.1, 0.0, 0.3, 100.0}) histogram.add(value);
+  EXPECT_EQ(histogram.size(), 5);
+  EXPECT_EQ(histogram.counts.front(), 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2 - 1], 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2], 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2 + 1], 1);
+  EXPECT_EQ(histogram.counts.back(), 1);
 }
 
 // --- The estimator: outliers and nasty cases

@@ -44,6 +44,13 @@ class OfflineOdometryTest(ToolTest):
         self.assertEqual(sum(summary["states"].values()), FRAMES)
         self.assertEqual(set(summary["times"]["total_ms"]), {"mean", "median", "p95", "max"})
         self.assertGreater(summary["peak_memory_MB"], 1.0)
+        residuals = summary["weighted_residuals"]
+        self.assertEqual(residuals["bin_width"], 0.25)
+        for kind, rows in (("points", 3), ("lines", 4)):
+            self.assertGreater(residuals[kind]["size"], rows)
+            self.assertEqual(residuals[kind]["size"] % rows, 0)
+            self.assertEqual(sum(residuals[kind]["counts"]), residuals[kind]["size"])
+            self.assertLess(residuals[kind]["variance"], 4.0)
 
     def test_first_pose_is_identity(self):
         output = self.offline(self.kitti, "out")

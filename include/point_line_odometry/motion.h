@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
 #include <vector>
 
 #include "point_line_odometry/parameters.h"
@@ -51,6 +53,21 @@ enum class MotionStatus { kOk, kTooFewMatches, kSolverFailed, kTooFewInliers };
 /// Lower-case words for a status, for logs, messages and CSV.
 const char* toString(MotionStatus status);
 
+/// How the coordinates of weighted residuals are distributed: were the weights true, normally with
+/// unit variance, but for the outliers that were removed.
+struct ResidualHistogram {
+  static constexpr double kBinWidth = 0.25;  ///< [standard deviations]
+  static constexpr int kBins = 40;           ///< the outermost hold all beyond them, too
+
+  std::array<std::int64_t, kBins> counts{};  ///< bin i begins at (i - kBins / 2) * kBinWidth
+  double squares = 0.0;                      ///< sum over all coordinates
+
+  void add(double value);
+  void add(const ResidualHistogram& other);
+  std::int64_t size() const;  ///< number of coordinates
+  double variance() const;    ///< about 0; 0 of none
+};
+
 /// The answer of the estimator; T_curr_prev and covariance mean something only if status is kOk.
 struct MotionEstimate {
   MotionStatus status = MotionStatus::kTooFewMatches;
@@ -63,7 +80,9 @@ struct MotionEstimate {
   int num_point_inliers = 0;
   int num_line_inliers = 0;
   int iterations = 0;
-  double rms_px = 0.0;  ///< root mean square of the inliers' residual coordinates
+  double rms_px = 0.0;                ///< root mean square of the inliers' residual coordinates
+  ResidualHistogram point_residuals;  ///< of the inliers
+  ResidualHistogram line_residuals;   ///< of the inliers
 
   bool ok() const { return status == MotionStatus::kOk; }
 };

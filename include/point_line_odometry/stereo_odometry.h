@@ -9,6 +9,7 @@
 
 #include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/features.h"
+#include "point_line_odometry/motion.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/types.h"
@@ -124,8 +125,10 @@ struct FrameResult {
   /// Velocity of the camera in its own axes: linear [m/s], angular [rad/s].
   Vector6d twist = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
-  double rms_px = 0.0;  ///< of the inliers' residuals
-  std::string error;    ///< text of the exception of kException
+  double rms_px = 0.0;                ///< of the inliers' residuals
+  ResidualHistogram point_residuals;  ///< of the inliers, over their standard deviations
+  ResidualHistogram line_residuals;
+  std::string error;  ///< text of the exception of kException
   FrameCounts counts;
   StageTimes times;
   std::vector<ObservedPoint> points;

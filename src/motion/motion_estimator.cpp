@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "geometry/skew.h"
@@ -33,6 +34,8 @@ struct Statistics {
   double chi2 = 0.0;
   double squares_px = 0.0;
   int rows = 0;
+  ResidualHistogram points;
+  ResidualHistogram lines;
 };
 
 /// The least-squares problem of one frame: its matches and their weights, and its solution.
@@ -109,7 +112,7 @@ class MotionProblem {
 
   Statistics statistics(const Eigen::Isometry3d& T_curr_prev) const {
     Statistics statistics;
-    const auto add = [&](const auto& residual, const auto& weight) {
+    const auto add = [&](const auto& residual, const auto& weight, ResidualHistogram* histogram) {
       const auto whitened = (weight * residual.value).eval();
       const double norm = whitened.norm();
       const double huber_weight =
@@ -119,9 +122,14 @@ class MotionProblem {
       statistics.chi2 += huber_weight * norm * norm;
       statistics.squares_px += residual.value.squaredNorm();
       statistics.rows += static_cast<int>(residual.value.size());
+      for (Eigen::Index i = 0; i < whitened.size(); ++i) histogram->add(whitened[i]);
     };
-    points_.forEachActive(T_curr_prev, add);
-    lines_.forEachActive(T_curr_prev, add);
+    points_.forEachActive(T_curr_prev, [&](const auto& residual, const auto& weight) {
+      add(residual, weight, &statistics.points);
+    });
+    lines_.forEachActive(T_curr_prev, [&](const auto& residual, const auto& weight) {
+      add(residual, weight, &statistics.lines);
+    });
     return statistics;
   }
 
@@ -177,6 +185,8 @@ MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isom
   estimate.num_line_inliers = problem.numLines();
   estimate.iterations = iterations;
   estimate.rms_px = std::sqrt(statistics.squares_px / std::max(statistics.rows, 1));
+  estimate.point_residuals = statistics.points;
+  estimate.line_residuals = statistics.lines;
   return estimate;
 }
 
@@ -245,6 +255,25 @@ const char* toString(MotionStatus status) {
       return "too_few_inliers";
   }
   return "unknown";
+}
+
+void ResidualHistogram::add(double value) {
+  const double bin = std::floor(value / kBinWidth) + kBins / 2;
+  ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
+  squares += value * value;
+}
+
+void ResidualHistogram::add(const ResidualHistogram& other) {
+  for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += other.counts[i];
+  squares += other.squares;
+}
+
+std::int64_t ResidualHistogram::size() const {
+  return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
+}
+
+double ResidualHistogram::variance() const {
+  return squares / static_cast<double>(std::max(size(), std::int64_t{1}));
 }
 
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,

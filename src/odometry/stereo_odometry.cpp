@@ -343,6 +343,8 @@ void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasureme
                                   FrameResult* result) const {
   result->reason = measurement.reason;
   result->rms_px = measurement.motion.rms_px;
+  result->point_residuals = measurement.motion.point_residuals;
+  result->line_residuals = measurement.motion.line_residuals;
   FrameCounts counts = countFeatures(curr);
   counts.point_matches = static_cast<int>(measurement.matches.points.size());
   counts.line_matches = static_cast<int>(measurement.matches.lines.size());

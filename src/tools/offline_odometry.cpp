@@ -119,11 +119,15 @@ class OfflineRun {
                      result_.times,
                      decode_ms,
                      rectify_ms});
+    point_residuals_.add(result_.point_residuals);
+    line_residuals_.add(result_.line_residuals);
     return true;
   }
 
   StereoOdometry* odometry() { return &odometry_; }
   const std::vector<FrameRow>& rows() const { return rows_; }
+  const ResidualHistogram& pointResiduals() const { return point_residuals_; }
+  const ResidualHistogram& lineResiduals() const { return line_residuals_; }
 
   /// Picture of the last frame.
   cv::Mat draw() const { return drawFeatures(left_, result_); }
@@ -146,6 +150,8 @@ class OfflineRun {
   cv::Mat left_;
   FrameResult result_;
   std::vector<FrameRow> rows_;
+  ResidualHistogram point_residuals_;
+  ResidualHistogram line_residuals_;
 };
 
 void writePicture(const std::filesystem::path& folder, std::size_t index, const cv::Mat& picture) {
@@ -232,7 +238,8 @@ int runOdometry(const Options& options) {
   }
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
-  RunInfo info{options.input, source->unpaired(), elapsed_ms(begin) / 1000.0, {}};
+  RunInfo info{options.input,        source->unpaired(),  elapsed_ms(begin) / 1000.0,
+               run.pointResiduals(), run.lineResiduals(), {}};
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
   if (truth.empty()) {

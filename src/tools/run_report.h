@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <iomanip>
 #include <locale>
 #include <map>
@@ -39,6 +40,8 @@ struct RunInfo {
   std::string input;
   std::size_t unpaired_images = 0;
   double wall_s = 0.0;
+  ResidualHistogram point_residuals;  ///< of all frames
+  ResidualHistogram line_residuals;
   std::optional<RecordingComparison> recording;  ///< of the replay of a recording
 };
 
@@ -190,6 +193,18 @@ inline std::size_t countState(const std::vector<FrameRow>& rows, TrackingState s
       rows.begin(), rows.end(), [state](const FrameRow& row) { return row.state == state; }));
 }
 
+inline std::string formatResidualsJson(const ResidualHistogram& residuals) {
+  std::ostringstream text = fixedStream(4);
+  text << "{\"size\": " << residuals.size() << ", \"variance\": " << residuals.variance()
+       << ", \"counts\": [";
+  const char* separator = "";
+  for (const std::int64_t count : residuals.counts) {
+    text << separator << count;
+    separator = ", ";
+  }
+  return text.str() + "]}";
+}
+
 /// A member of summary.json: how near the replay of a recording came; empty if it was none.
 inline std::string formatRecordingJson(const std::optional<RecordingComparison>& recording) {
   if (!recording) return "";
@@ -219,7 +234,9 @@ inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const Ru
        << ",\n  \"wall_s\": " << info.wall_s << ",\n  \"peak_memory_MB\": " << peakMemory_MB()
        << ",\n  \"times\": {" << formatStatisticsJson(collectTimes(rows), "_ms")
        << "\n  },\n  \"counts\": {" << formatStatisticsJson(collectCounts(rows), "")
-       << "\n  }\n}\n";
+       << "\n  },\n  \"weighted_residuals\": {\"bin_width\": " << ResidualHistogram::kBinWidth
+       << ",\n    \"points\": " << formatResidualsJson(info.point_residuals)
+       << ",\n    \"lines\": " << formatResidualsJson(info.line_residuals) << "}\n}\n";
   return text.str();
 }
 
@@ -247,7 +264,9 @@ inline std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo&
        << " s: " << countState(rows, TrackingState::kOk) << " ok, "
        << countState(rows, TrackingState::kDegraded) << " degraded, "
        << countState(rows, TrackingState::kLost) << " lost; peak memory " << peakMemory_MB()
-       << " MB\n";
+       << " MB\n"
+       << "variance of the residuals over what their weights say: points "
+       << info.point_residuals.variance() << ", lines " << info.line_residuals.variance() << '\n';
   if (info.recording) {
     text << info.recording->equal << " of " << info.recording->frames
          << " frames equal those of the recording bit for bit; largest difference "
