@@ -331,6 +331,12 @@ TEST_F(EurocDatasetTest, RefusesMissingImages) {
   expectRefused({"is truncated", "1 of 6", "cam1/data/1403636584763555581.png"});
 }
 
+TEST_F(EurocDatasetTest, AFolderIsNoImage) {
+  fs::remove(file("mav0/cam1/data/1403636584763555581.png"));
+  fs::create_directory(file("mav0/cam1/data/1403636584763555581.png"));
+  expectRefused({"is truncated", "1 of 6", "cam1/data/1403636584763555581.png"});
+}
+
 TEST_F(EurocDatasetTest, RefusesMissingRightCamera) {
   fs::remove_all(file("mav0/cam1"));
   expectRefused({"cam1/data.csv", "is missing"});

@@ -63,9 +63,17 @@ std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
   return std::stoll(field);
 }
 
+/// Whether something can be read to its end: not a folder, a pipe or a device.
+bool isFile(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
 std::vector<char> readBytes(const fs::path& file) {
   std::ifstream in(file, std::ios::binary | std::ios::ate);
-  if (!in) fail("image ", quoted(file), " is missing or unreadable: unpack the data set again");
+  if (!in || !isFile(file)) {
+    fail("image ", quoted(file), " is missing or unreadable: unpack the data set again");
+  }
   std::vector<char> bytes(static_cast<std::size_t>(std::max<std::streamoff>(in.tellg(), 0)));
   in.seekg(0).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   return in ? bytes : std::vector<char>();
@@ -102,7 +110,7 @@ void requireFiles(const std::vector<StereoDataset::Frame>& frames, const fs::pat
   std::string first;
   for (const StereoDataset::Frame& frame : frames) {
     for (const std::string& file : {frame.left_file, frame.right_file}) {
-      if (fs::exists(file)) continue;
+      if (isFile(file)) continue;
       if (missing++ == 0) first = file;
     }
   }
