@@ -179,6 +179,26 @@ TEST(SyntheticWorld, CarsMoveAndTheStreetStays) {
   EXPECT_LT(share, 0.5);
 }
 
+/// Share of the pixels of the first frame with a strong gradient.
+double shareOfEdges(const SyntheticWorldOptions& options) {
+  const cv::Mat image = SyntheticWorld(options).render(0).left;
+  cv::Mat gradient;
+  cv::Sobel(image, gradient, CV_32F, 1, 0);
+  return cv::countNonZero(cv::abs(gradient) > 60.0) / static_cast<double>(image.total());
+}
+
+TEST(SyntheticWorld, OpenCountryHasFewEdges) {
+  for (const int seed : {1, 2, 3}) {
+    SyntheticWorldOptions options = quiet("street");
+    options.seed = seed;
+    const double town = shareOfEdges(options);
+    options.open_country = 1.0;
+    const double country = shareOfEdges(options);
+    EXPECT_GT(country, 0.0) << seed;
+    EXPECT_LT(country, 0.2 * town) << seed;
+  }
+}
+
 TEST(SyntheticWorld, MotionBlurSmearsAlongTheMotion) {
   SyntheticWorldOptions options = quiet("street");
   options.lens_blur_px = 0.0;

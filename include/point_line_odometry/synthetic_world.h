@@ -20,6 +20,7 @@ struct SyntheticWorldOptions {
   double rotation = 1.0;
   double frame_rate_hz = 0.0;
   int moving_objects = 0;
+  double open_country = 0.0;
   double exposure_ev = 0.0;
   double motion_blur_ms = 0.0;
   double lens_blur_px = 0.5;
@@ -44,6 +45,8 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
   visit("frame_rate_hz", o.frame_rate_hz, 0.0, 200.0, "Hz",
         "0: the scene's own, 10 for the street and 20 indoors");
   visit("moving_objects", o.moving_objects, 0, 50, "", "cars on the road (street)");
+  visit("open_country", o.open_country, 0.0, 1.0, "",
+        "share of the town's blocks that are meadows with a few trees instead (street)");
   visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
   visit("motion_blur_ms", o.motion_blur_ms, 0.0, 100.0, "ms", "how long the shutter is open");
   visit("lens_blur_px", o.lens_blur_px, 0.0, 5.0, "px", "standard deviation of the lens's blur");

@@ -55,7 +55,8 @@ struct Scene {
 };
 
 /// A drive through a town: house fronts, kerbs, markings, poles, trees, parked and moving cars.
-Scene makeStreet(std::uint32_t seed, int moving_objects);
+/// \param open_country share of the blocks that are meadows instead.
+Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country);
 
 /// A flight through furnished rooms and a hallway.
 Scene makeIndoor(std::uint32_t seed);

@@ -59,6 +59,26 @@ class Town {
     }
   }
 
+  /// A block of open country: grass, trees here and there, at times a fence along the road.
+  void addMeadow(int i, int j) {
+    const Vector3d centre((i + 0.5) * kBlockPitch, (j + 0.5) * kBlockPitch, 0.0);
+    ObjectBuilder builder;
+    constexpr double kHeight = 0.02;
+    builder.addRectangle(centre + Vector3d(-0.5 * kSlab, -0.5 * kSlab, kHeight),
+                         Vector3d(kSlab, 0.0, 0.0), Vector3d(0.0, kSlab, 0.0),
+                         makeMaterial(Pattern::kRough, 0.25, 0.35, &random_));
+    scene_.place(builder.take());
+    for (int trees = random_.integer(0, 3); trees > 0; --trees) {
+      addTree(centre + Vector3d(random_.uniform(-0.45, 0.45) * kSlab,
+                                random_.uniform(-0.45, 0.45) * kSlab, kHeight));
+    }
+    for (int side = 0; side < 4; ++side) {
+      const Eigen::Isometry3d T_world_side = uprightPose(centre, 0.5 * kPi * side);
+      if (random_.chance(0.3)) addFence(T_world_side);
+      addMarkings(T_world_side, side < 2);
+    }
+  }
+
   std::size_t anyCar() {
     return cars_[static_cast<std::size_t>(random_.integer(0, static_cast<int>(cars_.size()) - 1))];
   }
@@ -72,6 +92,16 @@ class Town {
     const Material paving = makeMaterial(Pattern::kTiles, 0.45, 0.25, {0.5, 0.5}, &random_);
     builder.addBox({uprightPose(centre, 0.0), {kSlab, kSlab, kKerbHeight}}, kerb, paving);
     scene_.place(builder.take());
+  }
+
+  /// Posts along one side of a meadow.
+  void addFence(const Eigen::Isometry3d& T_world_side) {
+    ObjectBuilder builder;
+    const Material wood = makeMaterial(Pattern::kRough, 0.35, 0.2, &random_);
+    for (double x = -0.5 * kSlab + 2.0; x < 0.5 * kSlab - 2.0; x += 4.0) {
+      builder.addColumn(T_world_side * Vector3d(x, -0.5 * kSlab + 3.0, 0.0), 1.1, 0.05, 0.05, wood);
+    }
+    scene_.place(builder.take(kDrawDetails));
   }
 
   /// Houses along one side of a block. In the frame of a side x runs along the pavement to the
@@ -326,6 +356,13 @@ class Town {
   std::vector<std::size_t> trees_;
 };
 
+/// Whether a block is a meadow. It has a random number of its own, so that a town without open
+/// country does not depend on there being the choice.
+bool isOpenCountry(std::uint32_t seed, int i, int j, double share) {
+  const auto index = static_cast<std::uint32_t>(1000 * (i + kMargin) + j + kMargin);
+  return Random(hash(seed, 4, index)).chance(share);
+}
+
 /// Crossings of a closed drive round some blocks, with turns to both sides.
 std::vector<Vector2d> chooseCrossings(Random* random) {
   const double a = random->integer(2, 3);
@@ -356,7 +393,7 @@ std::vector<Vector3d> toTheRight(const std::vector<Vector2d>& corners, double of
 
 }  // namespace
 
-Scene makeStreet(std::uint32_t seed, int moving_objects) {
+Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country) {
   constexpr double kCameraHeight = 1.65;
   Scene scene;
   scene.seed = hash(seed, 2);
@@ -370,7 +407,13 @@ Scene makeStreet(std::uint32_t seed, int moving_objects) {
   const int columns = static_cast<int>(high.x());
   const int rows = static_cast<int>(high.y());
   for (int i = -kMargin; i < columns + kMargin; ++i) {
-    for (int j = -kMargin; j < rows + kMargin; ++j) town.addBlock(i, j);
+    for (int j = -kMargin; j < rows + kMargin; ++j) {
+      if (isOpenCountry(seed, i, j, open_country)) {
+        town.addMeadow(i, j);
+      } else {
+        town.addBlock(i, j);
+      }
+    }
   }
   town.addGround(Vector2d::Constant(-kMargin * kBlockPitch),
                  (high + Vector2d::Constant(kMargin)) * kBlockPitch);

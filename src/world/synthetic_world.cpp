@@ -59,7 +59,9 @@ StereoCalibration eurocCalibration() {
 
 world::Scene makeScene(const SyntheticWorldOptions& options) {
   const std::uint32_t seed = world::hash(0x5eed, static_cast<std::uint32_t>(options.seed));
-  if (options.scene == "street") return world::makeStreet(seed, options.moving_objects);
+  if (options.scene == "street") {
+    return world::makeStreet(seed, options.moving_objects, options.open_country);
+  }
   if (options.scene == "indoor") return world::makeIndoor(seed);
   return world::makeCorridor(seed);
 }
