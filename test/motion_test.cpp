@@ -25,8 +25,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 TEST(MotionCost, BehindTheCameraIsRefused) {
   using Cost = MotionCost<ResidualImages::kBoth>;
-  const Correspondences all =
-      synthetic::matches(synthetic::camera(), synthetic::motion(), {1, 1}, 5);
+  const StereoCamera camera = synthetic::camera();
+  const Correspondences all = synthetic::matches(camera, synthetic::motion(), {1, 1}, 5);
   const double rotation[] = {0.0, 0.0, 0.0};
   const Vector3d in_front = synthetic::motion().translation();
   const double* near[] = {rotation, in_front.data()};
@@ -36,8 +36,8 @@ TEST(MotionCost, BehindTheCameraIsRefused) {
   const Correspondences point_alone{all.points, {}};
   const Correspondences line_alone{{}, all.lines};
   for (const Correspondences& some : {point_alone, line_alone}) {
-    Cost::Points points(some.points, synthetic::camera());
-    Cost::Lines lines(some.lines, synthetic::camera());
+    Cost::Points points(some.points, camera);
+    Cost::Lines lines(some.lines, camera);
     points.linearizeWeights(synthetic::motion(), true);
     lines.linearizeWeights(synthetic::motion(), true);
     const Cost cost(points, lines, 1.5);

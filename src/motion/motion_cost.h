@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ceres/cost_function.h>
+#include <ceres/sized_cost_function.h>
 
 #include <Eigen/Geometry>
 
@@ -29,6 +30,28 @@ struct HuberScale {
   double twice_derivative = 0.0;
 
   HuberScale(double squared_norm, double delta);
+};
+
+/// Holds a block of the motion near where the solver starts, with a standard deviation of one unit
+/// [rad, m]: along an axis that the matches do not show, it would run away. Next to what they do
+/// say, this is nothing. (Not ceres::NormalPrior: it allocates in Ceres' library what the caller's
+/// code frees, and Eigen's way of doing either depends on how each of them was compiled.)
+class NearStart : public ceres::SizedCostFunction<3, 3> {
+ public:
+  explicit NearStart(const Eigen::Vector3d& start) : start_(start) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    Eigen::Map<Eigen::Vector3d> residual(residuals);
+    residual = Eigen::Map<const Eigen::Vector3d>(parameters[0]) - start_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix3d>(jacobians[0]).setIdentity();
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d start_;
 };
 
 /// All weighted residuals of a frame as one cost of the solver, each under a Huber kernel (paper,

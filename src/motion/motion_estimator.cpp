@@ -1,4 +1,3 @@
-#include <ceres/normal_prior.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -18,11 +17,6 @@ namespace {
 // Relative change of the cost at which the solver stops: before outliers are removed, and after.
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kFineTolerance = 1e-6;
-
-// How far a solution may lie from its start where the matches say nothing: along an axis that they
-// do not show, it would run away. Next to what they do say this is nothing.
-constexpr double kStartSigma_rad = 1.0;
-constexpr double kStartSigma_m = 1.0;
 
 // Matches so near to a prediction are where it puts them.
 constexpr double kPredictedPx = 2.0;
@@ -89,9 +83,8 @@ class MotionProblem {
     problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(problem_options);
     problem.AddResidualBlock(&cost, nullptr, motion.rotation.data(), motion.translation.data());
-    const ceres::Matrix identity = ceres::Matrix::Identity(3, 3);
-    ceres::NormalPrior near_rotation(identity / kStartSigma_rad, motion.rotation);
-    ceres::NormalPrior near_translation(identity / kStartSigma_m, motion.translation);
+    NearStart near_rotation(motion.rotation);
+    NearStart near_translation(motion.translation);
     problem.AddResidualBlock(&near_rotation, nullptr, motion.rotation.data());
     problem.AddResidualBlock(&near_translation, nullptr, motion.translation.data());
     if (solve_options.hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
