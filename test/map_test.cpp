@@ -182,6 +182,42 @@ TEST(AdjustBundle, StandsOutliers) {
   EXPECT_LT(world.worstPose_m(), 0.02);
 }
 
+/// Motion from one frame of the world to the next, as true, with a standard deviation [m, rad].
+BundleProblem::Motion trueMotion(const BundleWorld& world, int from, double sigma) {
+  return {from, from + 1, world.poses[from].inverse() * world.poses[from + 1],
+          sigma * sigma * Matrix6d::Identity()};
+}
+
+TEST(AdjustBundle, MotionsHoldWhatSightsDoNotShow) {
+  BundleWorld alone(kNoisePx, 4, 0);
+  BundleWorld held(kNoisePx, 4, 0);
+  for (int from = 1; from + 1 < static_cast<int>(held.poses.size()); ++from) {
+    held.problem.motions.push_back(trueMotion(held, from, 1e-4));
+  }
+  ASSERT_TRUE(adjustBundle(alone.camera, {}, 50, &alone.problem));
+  ASSERT_TRUE(adjustBundle(held.camera, {}, 50, &held.problem));
+  EXPECT_GT(alone.worstPose_m(), 0.003);
+  EXPECT_LT(held.worstPose_m(), 1e-3);
+}
+
+TEST(AdjustBundle, UncertainMotionsAreOverruledBySights) {
+  BundleWorld world(0.0, 60, 20);
+  BundleProblem::Motion wrong = trueMotion(world, 2, 1.0);
+  wrong.T_from_to = wrong.T_from_to * synthetic::transform({0.02, -0.03, 0.01}, {0.2, -0.1, 0.3});
+  world.problem.motions.push_back(wrong);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 1e-3);
+}
+
+TEST(AdjustBundle, MotionWithoutAUsableCovarianceIsLeftOut) {
+  BundleWorld world(0.0, 60, 20);
+  BundleProblem::Motion motion = trueMotion(world, 2, 0.0);
+  motion.T_from_to.translation().x() += 1.0;
+  world.problem.motions.push_back(motion);
+  ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
+  EXPECT_LT(world.worstPose_m(), 1e-3);
+}
+
 TEST(AdjustBundle, NothingToSolveChangesNothing) {
   BundleProblem empty;
   EXPECT_FALSE(adjustBundle(synthetic::camera(), {}, 5, &empty));

@@ -10,6 +10,7 @@
 #include <deque>
 #include <vector>
 
+#include "geometry/skew.h"
 #include "motion/motion_cost.h"
 
 namespace point_line_odometry {
@@ -81,6 +82,60 @@ class SightCost : public ceres::SizedCostFunction<Residual::kRows, Place::kNumFr
   const Place* place_;
   const PoseUnknown* pose_;
   const Sight* sight_;
+};
+
+/// How far the motion between two poses is from one that is known: translation along and rotation
+/// about the axes of the second, weighted.
+class MotionPriorCost : public ceres::SizedCostFunction<6, 6, 6> {
+ public:
+  MotionPriorCost(const BundleProblem::Motion& motion, const PoseUnknown* from,
+                  const PoseUnknown* to)
+      : T_to_from_known_(motion.T_from_to.inverse()),
+        from_(from),
+        to_(to),
+        weight_(motion.covariance.llt().matrixL().solve(Matrix6d::Identity())) {}
+
+  bool usable() const { return weight_.allFinite(); }
+
+  bool Evaluate(double const* const* unknowns, double* residuals,
+                double** jacobians) const override {
+    const Eigen::Isometry3d T_from_map = from_->at(unknowns[0]);
+    const Eigen::Isometry3d T_to_map = to_->at(unknowns[1]);
+    const Eigen::Isometry3d T_from_to = T_from_map * T_to_map.inverse();
+    const Eigen::Isometry3d error = T_to_from_known_ * T_from_to;
+    const Eigen::AngleAxisd turn(error.linear());
+    Vector6d difference;
+    difference << error.translation(), turn.angle() * turn.axis();
+    Eigen::Map<Vector6d>{residuals} = weight_ * difference;
+    if (jacobians == nullptr) return true;
+    // The difference is small: derivatives of its rotation as if it were zero.
+    using Jacobian = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+    const Eigen::Matrix3d& R = T_to_from_known_.linear();
+    const Eigen::Matrix3d R_from_to = T_from_to.linear();
+    if (jacobians[0] != nullptr) {
+      Matrix6d J = Matrix6d::Zero();
+      const Eigen::Matrix3d left = leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[0]));
+      J.block<3, 3>(0, 0) = R * skew(R_from_to * T_to_map.translation()) * left;
+      J.block<3, 3>(0, 3) = R;
+      J.block<3, 3>(3, 0) = R * left;
+      Eigen::Map<Jacobian>{jacobians[0]} = weight_ * J;
+    }
+    if (jacobians[1] != nullptr) {
+      Matrix6d J = Matrix6d::Zero();
+      const Eigen::Matrix3d left = leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[1]));
+      J.block<3, 3>(0, 0) = -error.linear() * skew(T_to_map.translation()) * left;
+      J.block<3, 3>(0, 3) = -error.linear();
+      J.block<3, 3>(3, 0) = -error.linear() * left;
+      Eigen::Map<Jacobian>{jacobians[1]} = weight_ * J;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Isometry3d T_to_from_known_;
+  const PoseUnknown* from_;
+  const PoseUnknown* to_;
+  Matrix6d weight_;
 };
 
 /// The solver's view of the landmarks of one kind.
@@ -160,6 +215,14 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
   points.addTo(&problem, ordering, &loss, camera, &poses);
   lines.addTo(&problem, ordering, &loss, camera, &poses);
   if (problem.NumResidualBlocks() == 0) return false;
+  std::deque<MotionPriorCost> motions;
+  for (const BundleProblem::Motion& motion : bundle->motions) {
+    PoseUnknown& from = poses[static_cast<std::size_t>(motion.from)];
+    PoseUnknown& to = poses[static_cast<std::size_t>(motion.to)];
+    motions.emplace_back(motion, &from, &to);
+    if (!motions.back().usable()) continue;
+    problem.AddResidualBlock(&motions.back(), nullptr, from.change.data(), to.change.data());
+  }
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!problem.HasParameterBlock(poses[i].change.data())) continue;
     if (bundle->frames[i].fixed) problem.SetParameterBlockConstant(poses[i].change.data());

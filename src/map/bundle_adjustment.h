@@ -30,15 +30,25 @@ struct BundleProblem {
     std::vector<FrameSight> sights;
   };
 
+  /// A motion between two frames that is known from elsewhere.
+  struct Motion {
+    int from;  ///< index into frames
+    int to;    ///< index into frames
+    Eigen::Isometry3d T_from_to;
+    Matrix6d covariance;  ///< of T_from_to, along and about the axes of `to`
+  };
+
   std::vector<Frame> frames;
+  std::vector<Motion> motions;
   std::vector<Landmark<PointBelief, PointSight>> points;
   std::vector<Landmark<LineBelief, LineSight>> lines;
 };
 
-/// Minimises the point-line reprojection errors of all sights over the frames that are not fixed
-/// and the landmarks, by Levenberg-Marquardt with Huber kernels; landmarks are eliminated first
-/// (Schur complement). The spreads of the landmarks stay as they are: they scale the unknowns.
-/// Returns false, and changes nothing, if there is nothing to solve or no solution.
+/// Minimises the point-line reprojection errors of all sights, with Huber kernels, and the errors
+/// of the motions, over the frames that are not fixed and the landmarks, by Levenberg-Marquardt;
+/// landmarks are eliminated first (Schur complement). The spreads of the landmarks stay as they
+/// are: they scale the unknowns. Returns false, and changes nothing, if there is nothing to solve
+/// or no solution.
 bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters,
                   int max_iterations, BundleProblem* problem);
 

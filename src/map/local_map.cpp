@@ -14,10 +14,23 @@ constexpr auto kBoth = ResidualImages::kBoth;
 constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
 constexpr float kApartPx = 8.0F;  // between a new point and others
 
+// The window keeps to the motions that tracking found, within so many of their standard deviations.
+// They come from the same sights, which must not count twice; but tracking has seen the landmarks
+// in all the frames between, and knows where the few sights of the keyframes alone leave a motion
+// open.
+constexpr double kTrackedSigmas = 6.0;
+
 // A landmark that should be in view is forgotten when it was missed so many times in a row: sooner
 // if it was hardly ever seen.
 constexpr int kMinMissed = 2;
 constexpr int kMaxMissed = 20;
+
+/// The covariance of a translation and rotation in axes turned by a rotation.
+Matrix6d inOtherAxes(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R;
+  return turn * covariance * turn.transpose();
+}
 
 /// Index of a landmark, or -1 if it is forgotten.
 template <typename Landmark>
@@ -162,6 +175,7 @@ Correspondences LocalMap::correspondences(const MapSights& sights) const {
 void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
                    const MotionEstimate& motion, const LandmarkCandidates& candidates) {
   moveReference(motion.T_curr_prev.inverse());
+  reference_.covariance = inOtherAxes(motion.T_curr_prev.linear(), motion.covariance);
   countMisses(sights.point_in_view, &points_);
   countMisses(sights.line_in_view, &lines_);
   learn(context.camera, sights, motion);
@@ -288,6 +302,9 @@ void LocalMap::addKeyframe() {
   };
   mark(reference_.points, &points_);
   mark(reference_.lines, &lines_);
+  if (!keyframes_.empty()) {
+    reference_.T_previous_this = keyframes_.back().T_map_camera.inverse() * T_map_reference_;
+  }
   keyframes_.push_back(reference_);
   const auto most = static_cast<std::size_t>(window_.size + local_map_.size);
   while (keyframes_.size() > most) keyframes_.pop_front();
@@ -334,6 +351,15 @@ std::optional<BundleProblem> LocalMap::takeProblem() {
     const int frame = static_cast<int>(k - first);
     observe(keyframes_[k].points, points_, point_place, frame, &problem.points);
     observe(keyframes_[k].lines, lines_, line_place, frame, &problem.lines);
+  }
+  for (std::size_t k = first + held; k < keyframes_.size(); ++k) {
+    const int to = static_cast<int>(k - first);
+    const Observations& keyframe = keyframes_[k];
+    const Matrix6d covariance =
+        keyframe.covariance +
+        inOtherAxes(keyframe.T_previous_this.linear().transpose(), keyframes_[k - 1].covariance);
+    problem.motions.push_back(
+        {to - 1, to, keyframe.T_previous_this, kTrackedSigmas * kTrackedSigmas * covariance});
   }
   const auto drop_single = [](auto* list) {
     const auto single = [](const auto& landmark) { return landmark.sights.size() < 2; };

@@ -83,13 +83,16 @@ class LocalMap {
   struct Observations {
     std::uint64_t id = 0;
     Eigen::Isometry3d T_map_camera = Eigen::Isometry3d::Identity();
+    Matrix6d covariance = Matrix6d::Zero();  ///< of the pose as tracked, in the camera's axes
+    /// Of a keyframe: its motion since the last one as tracked.
+    Eigen::Isometry3d T_previous_this = Eigen::Isometry3d::Identity();
     std::vector<Entry<PointSight>> points;
     std::vector<Entry<LineSight>> lines;
 
     std::size_t size() const { return points.size() + lines.size(); }
     auto state() {
-      auto& [id_of_this, T, points_of_this, lines_of_this] = *this;
-      return std::tie(id_of_this, T, points_of_this, lines_of_this);
+      auto& [id_of_this, T, covariance_of_this, T_previous, points_of_this, lines_of_this] = *this;
+      return std::tie(id_of_this, T, covariance_of_this, T_previous, points_of_this, lines_of_this);
     }
   };
 
