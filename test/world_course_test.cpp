@@ -112,7 +112,7 @@ TEST(Course, SwayIsSmoothAndScales) {
 /// Whether a point is inside a wall or thing: near to a surface that it has just passed.
 TEST(Scenes, CoursesAreClosedAndSmoothInAllOfThem) {
   for (std::uint32_t seed = 1; seed < 6; ++seed) {
-    for (const Scene& scene : {makeStreet(seed, 0), makeIndoor(seed), makeCorridor(seed)}) {
+    for (const Scene& scene : {makeStreet(seed, 0, 0.0), makeIndoor(seed), makeCorridor(seed)}) {
       const Course& course = scene.course;
       ASSERT_GT(course.length_m(), 20.0);
       ASSERT_TRUE(course.at(0.0).isApprox(course.at(course.length_m()), 1e-6));
@@ -157,7 +157,7 @@ bool passesASurface(const Scene& scene, const Vector3d& from, const Vector3d& to
 
 TEST(Scenes, TheCameraRunsIntoNothing) {
   for (std::uint32_t seed = 1; seed < 6; ++seed) {
-    for (const Scene& scene : {makeStreet(seed, 0), makeIndoor(seed), makeCorridor(seed)}) {
+    for (const Scene& scene : {makeStreet(seed, 0, 0.0), makeIndoor(seed), makeCorridor(seed)}) {
       constexpr double kStep = 0.1;
       for (double t = 0.0; t < 150.0; t += kStep) {
         const Vector3d from = scene.course.cameraPose(t, 1.0, 1.0).translation();
@@ -169,7 +169,7 @@ TEST(Scenes, TheCameraRunsIntoNothing) {
 }
 
 TEST(Scenes, MovingCarsFollowTheRoad) {
-  const Scene scene = makeStreet(4, 6);
+  const Scene scene = makeStreet(4, 6, 0.0);
   ASSERT_EQ(scene.movers.size(), 6U);
   const std::vector<Instance> before = placeMovers(scene, 10.0);
   const std::vector<Instance> after = placeMovers(scene, 10.1);
