@@ -158,7 +158,7 @@ TEST(EstimateMotion, WeightedResidualsHaveUnitVarianceIfTheNoiseIsAsSaid) {
   EXPECT_NEAR(lines.variance(), 1.0, 0.06);
   // Of a normal distribution 38.3 % lie within half a standard deviation of 0.
   for (const ResidualHistogram* histogram : {&points, &lines}) {
-    constexpr int kMiddle = ResidualHistogram::kBins / 2;
+    constexpr int kMiddle = ResidualHistogram::kMiddle;
     const auto within = std::accumulate(histogram->counts.begin() + kMiddle - 2,
                                         histogram->counts.begin() + kMiddle + 2, std::int64_t{0});
     EXPECT_NEAR(static_cast<double>(within) / static_cast<double>(histogram->size()), 0.383, 0.04);
@@ -176,9 +176,9 @@ TEST(ResidualHistogram, OutermostBinsHoldWhatIsBeyond) {
   for (const double value : {-100.0, -0.1, 0.0, 0.3, 100.0}) histogram.add(value);
   EXPECT_EQ(histogram.size(), 5);
   EXPECT_EQ(histogram.counts.front(), 1);
-  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2 - 1], 1);
-  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2], 1);
-  EXPECT_EQ(histogram.counts[ResidualHistogram::kBins / 2 + 1], 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kMiddle - 1], 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kMiddle], 1);
+  EXPECT_EQ(histogram.counts[ResidualHistogram::kMiddle + 1], 1);
   EXPECT_EQ(histogram.counts.back(), 1);
 }
 

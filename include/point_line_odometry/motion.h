@@ -58,9 +58,10 @@ const char* toString(MotionStatus status);
 struct ResidualHistogram {
   static constexpr double kBinWidth = 0.25;  ///< [standard deviations]
   static constexpr int kBins = 40;           ///< the outermost hold all beyond them, too
+  static constexpr int kMiddle = kBins / 2;  ///< the bin that begins at 0
 
-  std::array<std::int64_t, kBins> counts{};  ///< bin i begins at (i - kBins / 2) * kBinWidth
-  double squares = 0.0;                      ///< sum over all coordinates
+  std::array<std::int64_t, kBins> counts{};
+  double squares = 0.0;  ///< sum over all coordinates
 
   void add(double value);
   void add(const ResidualHistogram& other);

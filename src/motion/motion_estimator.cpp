@@ -251,7 +251,7 @@ const char* toString(MotionStatus status) {
 }
 
 void ResidualHistogram::add(double value) {
-  const double bin = std::floor(value / kBinWidth) + kBins / 2;
+  const double bin = std::floor(value / kBinWidth) + kMiddle;
   ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
   squares += value * value;
 }
