@@ -15,21 +15,22 @@
 
 namespace point_line_odometry {
 
+/// Frame k-2.
+struct EarlierFrame {
+  StereoFrame frame;
+  Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  ///< motion k-2 -> k-1
+
+  auto state() {
+    auto& [frame_of_this, T] = *this;
+    return std::tie(frame_of_this, T);
+  }
+};
+
 /// What earlier frames have left to measure a motion with.
 struct FrameHistory {
-  struct Earlier {
-    StereoFrame frame;
-    Eigen::Isometry3d T_reference_before = Eigen::Isometry3d::Identity();  ///< motion k-2 -> k-1
-
-    auto state() {
-      auto& [frame_of_this, T] = *this;
-      return std::tie(frame_of_this, T);
-    }
-  };
-
-  std::optional<StereoFrame> reference;     ///< frame k-1: the last one that can be matched with
-  std::optional<Earlier> before_reference;  ///< frame k-2, kept for the fusion of rotations
-  std::optional<LocalMap> map;              ///< nothing without a window
+  std::optional<StereoFrame> reference;  ///< frame k-1: the last one that can be matched with
+  std::optional<EarlierFrame> before_reference;  ///< frame k-2, kept for the fusion of rotations
+  std::optional<LocalMap> map;                   ///< nothing without a window
 };
 
 /// What earlier frames and the current one say about the motion since the reference.

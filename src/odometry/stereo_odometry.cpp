@@ -262,7 +262,7 @@ void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& c
   const bool measured = measurement.reason == TrackingReason::kNone;
   if (measured && parameters_.motion.fuse_rotation) {
     history_.before_reference =
-        FrameHistory::Earlier{std::move(*history_.reference), measurement.motion.T_curr_prev};
+        EarlierFrame{std::move(*history_.reference), measurement.motion.T_curr_prev};
   }
   if (!measured) {
     startNewMap();  // how the camera came here from the old one is not known

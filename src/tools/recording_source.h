@@ -104,7 +104,7 @@ class RecordingReader {
     const std::string file = (folder_ / node["file"].as<std::string>()).string();
     std::ifstream in(file, std::ios::binary);
     if (!in) throw InputError("'" + file + "' is missing: keep bag, yaml and state together");
-    const std::string state{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+    std::string state{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
     boost::crc_32_type crc;
     crc.process_bytes(state.data(), state.size());
     if (crc.checksum() != node["crc32"].as<std::uint32_t>())
