@@ -124,7 +124,7 @@ bool SteadyPose::watchRest(const PoseIntegrator& estimate, double dt_s) {
       return rest_->lasted_s >= kRestTime_s;
     }
   }
-  rest_ = Rest{estimate.T_odom_camera(), noise, estimate.referenceCovariance()};
+  rest_ = Rest{estimate.T_odom_camera(), noise, estimate.referenceCovariance(), 0.0};
   return false;
 }
 

@@ -50,7 +50,7 @@ class SteadyPose {
     Eigen::Isometry3d T_odom_camera;  // estimated
     Matrix6d noise;                   // of the estimate against its reference
     Matrix6d reference_covariance;
-    double lasted_s = 0.0;
+    double lasted_s;
 
     auto state() {
       auto& [T, noise_of_this, covariance, lasted] = *this;
