@@ -126,9 +126,12 @@ class Manager:
         for key, value in (parameters or {}).items():
             rospy.set_param(f"{name}/{key}", value)
         sources, targets = list((remappings or {}).keys()), list((remappings or {}).values())
-        answer = rospy.ServiceProxy(f"/{self.name}/load_nodelet", NodeletLoad)(
-            name, kind, sources, targets, [], "")
-        if not answer.success:
+        try:
+            answer = rospy.ServiceProxy(f"/{self.name}/load_nodelet", NodeletLoad)(
+                name, kind, sources, targets, [], "")
+        except rospy.ServiceException:  # older nodelets answer so if they cannot
+            answer = None
+        if answer is None or not answer.success:
             raise RuntimeError(f"{kind} was not loaded: {self.log()[-3000:]}")
 
     def load_odometry(self, name, parameters=None, remappings=None):
