@@ -256,6 +256,12 @@ class Listener:
             rospy.Subscriber(namespace + "/odom", Odometry, self.odometry.append),
             rospy.Subscriber(namespace + "/info", OdometryInfo, self.infos.append)]
 
+    def wait_for_connections(self, count):
+        """Waits until so many odometries, 0 or 1, are heard on each topic."""
+        if not wait_until(lambda: all(subscriber.get_num_connections() == count
+                                      for subscriber in self.subscribers)):
+            raise RuntimeError(f"the listener never had {count} connections")
+
     def wait_for(self, count, timeout_s=START_UP_S):
         """True once so many more odometry messages have come."""
         goal = len(self.odometry) + count

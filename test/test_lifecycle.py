@@ -185,7 +185,9 @@ class LifecycleTest(RosTest):
         listener = self.listen("/stereo")
 
         def replay(done, *options):
+            listener.wait_for_connections(0)  # none to the last one
             manager.load_odometry("/stereo/odometry", {"queue_size": 100})
+            listener.wait_for_connections(1)
             listener.clear()
             self.play(bag, *options, done=done)
             listener.quiet()
