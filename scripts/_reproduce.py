@@ -45,8 +45,8 @@ has sequences of that kind inside, or - for none.
 
 Output folder: report.md (tables and pictures), results.csv, overview.png, residuals.png,
 segment_errors.png; sequences/NAME: trajectory.tum, trajectory.kitti, frames.csv, summary.json,
-evaluation.json, pictures; joblog: what GNU parallel ran when and where. Sequences that are done are not run again;
-those that had problems are. scripts/report_sequences DIR makes the report anew, at any time.
+evaluation.json, pictures; joblog: what GNU parallel ran when and where. Sequences that are done
+are not run again; those that had problems are. scripts/report_sequences DIR makes the report anew, at any time.
 
 --hosts FILE names machines, one a line, as GNU parallel's --sshloginfile does:
 
