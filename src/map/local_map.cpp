@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "matching/patch_warp.h"
 
@@ -132,6 +133,38 @@ MapLine makeLine(const StereoFrame& frame, const StereoLine& stereo,
   line.left = frame.features.lines_left[stereo.left].descriptor;
   line.right = frame.features.lines_right[stereo.right].descriptor;
   return line;
+}
+
+/// What a window has done to its keyframes: their ids, and p_map after it <- p_map before.
+using WindowMoves = std::vector<std::pair<std::uint64_t, Eigen::Isometry3d>>;
+
+void moveBy(const Eigen::Isometry3d& move, PointBelief* place) { place->value = move * place->value; }
+
+void moveBy(const Eigen::Isometry3d& move, LineBelief* place) {
+  const Eigen::Vector3d start = place->value.head<3>();
+  const Eigen::Vector3d end = place->value.tail<3>();
+  place->value << move * start, move * end;
+}
+
+/// Landmarks go with the last keyframe that saw them: seen from there, they stay where they are,
+/// and a window does not look like a motion. The solution counts for the sights that it knows: the
+/// frames between keyframes have made the place better known, too.
+template <typename Solved, typename Landmark>
+void adoptPlaces(const WindowMoves& moves, const std::vector<Solved>& solved,
+                 std::vector<Landmark>* landmarks) {
+  for (Landmark& landmark : *landmarks) {
+    for (const auto& [id, move] : moves) {
+      if (id == landmark.sightings.last_keyframe) moveBy(move, &landmark.place);
+    }
+  }
+  for (const Solved& solution : solved) {
+    const int i = indexOf(*landmarks, solution.id);
+    if (i < 0) continue;
+    Landmark& landmark = (*landmarks)[i];
+    const double known = static_cast<double>(solution.sights.size()) / landmark.sightings.seen;
+    landmark.place.value +=
+        std::min(known, 1.0) * (solution.place.value - landmark.place.value).eval();
+  }
 }
 
 }  // namespace
@@ -371,23 +404,18 @@ std::optional<BundleProblem> LocalMap::takeProblem() {
 }
 
 void LocalMap::adopt(const BundleProblem& solved) {
+  WindowMoves moves;
   for (const BundleProblem::Frame& frame : solved.frames) {
     for (Observations& keyframe : keyframes_) {
       if (keyframe.id != frame.id) continue;
-      if (&frame == &solved.frames.back()) {
-        T_map_reference_ = frame.T_map_camera * keyframe.T_map_camera.inverse() * T_map_reference_;
-      }
+      const Eigen::Isometry3d move = frame.T_map_camera * keyframe.T_map_camera.inverse();
+      if (&frame == &solved.frames.back()) T_map_reference_ = move * T_map_reference_;
+      moves.emplace_back(frame.id, move);
       keyframe.T_map_camera = frame.T_map_camera;
     }
   }
-  const auto move = [](const auto& from, auto* landmarks) {
-    for (const auto& landmark : from) {
-      const int i = indexOf(*landmarks, landmark.id);
-      if (i >= 0) (*landmarks)[i].place.value = landmark.place.value;
-    }
-  };
-  move(solved.points, &points_);
-  move(solved.lines, &lines_);
+  adoptPlaces(moves, solved.points, &points_);
+  adoptPlaces(moves, solved.lines, &lines_);
 }
 
 }  // namespace point_line_odometry

@@ -55,7 +55,7 @@ class LocalMap {
   /// The window round the last keyframe, once after each new keyframe.
   std::optional<BundleProblem> takeProblem();
 
-  /// Takes the solution of a problem: keyframes, landmarks and the reference's pose move.
+  /// Takes the solution of a problem: keyframes move, the reference and its landmarks with them.
   void adopt(const BundleProblem& solved);
 
   std::size_t numPoints() const { return points_.size(); }

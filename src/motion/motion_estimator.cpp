@@ -18,6 +18,9 @@ namespace {
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kFineTolerance = 1e-6;
 
+// The weights of matches are taken to be true until the residuals outnumber so many that are.
+constexpr double kWeightsTrusted = 20.0;
+
 // Matches so near to a prediction are where it puts them.
 constexpr double kPredictedPx = 2.0;
 
@@ -141,7 +144,9 @@ Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d&
   const Matrix6d inverse = eigen.eigenvectors() *
                            eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
                            eigen.eigenvectors().transpose();
-  const double scale = std::max(1.0, statistics.chi2 / std::max(statistics.rows - 6, 1));
+  // How far the weights are true is what the residuals show, if there are enough of them.
+  const double freedoms = std::max(statistics.rows - 6, 0);
+  const double scale = (statistics.chi2 + kWeightsTrusted) / (freedoms + kWeightsTrusted);
 
   // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
   const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();
