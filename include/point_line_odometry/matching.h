@@ -22,6 +22,10 @@ struct IndexPair {
   int second = -1;
 };
 
+/// Where one pixel to the right and one down in an image lead on a surface: columns in the frame of
+/// a camera or of the map [m].
+using PixelAxes = Eigen::Matrix<double, 3, 2>;
+
 /// A point seen in both images of one stereo frame.
 struct StereoPoint {
   int left = -1;   ///< index into DetectedFeatures::points_left
@@ -30,6 +34,8 @@ struct StereoPoint {
       Eigen::Vector2f::Zero();  ///< sub-pixel place in the right image, as seen
   double sigma_px = 1.0;        ///< of each pixel coordinate
   TriangulatedPoint triangulated;
+  /// Where one pixel to the right and one down in the left image lead on its surface [m].
+  PixelAxes pixel_axes = PixelAxes::Zero();
 };
 
 /// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the
@@ -160,16 +166,31 @@ class PatchAligner {
   std::optional<Eigen::Vector2f> align(const cv::Mat& target,
                                        const Eigen::Vector2f& initial_px) const;
 
+  /// A patch in the other image of a stereo pair: the row with offset y of the patch is seen at
+  /// columns pixel.x + (1 + slope.x) x + slope.y y.
+  struct Slanted {
+    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+    Eigen::Vector2f slope = Eigen::Vector2f::Zero();
+  };
+
+  /// The same for a patch of the left image of a rectified pair in the right one, of a surface that
+  /// need not face the cameras: road and walls are seen sheared and narrowed. Nothing, too, if one
+  /// surface does not explain the patch.
+  std::optional<Slanted> alignSlanted(const cv::Mat& target,
+                                      const Eigen::Vector2f& initial_px) const;
+
   /// Standard deviation of a coordinate of an aligned place per that of the brightness of a pixel
   /// [px / grey level].
   double noiseGain() const { return std::sqrt(0.5 * inverse_hessian_.trace()); }
 
  private:
   void prepare(const WidePatch& wide);
+  bool looksLike(float max_residual, Patch* values) const;  // spoils the values
 
   Patch brightness_;  // each less its mean
   Patch gx_;
   Patch gy_;
+  float mean_gx_ = 0.0F;
   Eigen::Vector2f at_brightness_;  // products of the gradients and the brightness
   Eigen::Matrix2f inverse_hessian_ = Eigen::Matrix2f::Zero();
   bool usable_ = false;

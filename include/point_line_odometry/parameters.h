@@ -63,7 +63,7 @@ struct MotionParameters {
 struct WindowParameters {
   int size = 5;
   double keyframe_overlap = 0.6;
-  int points_per_cell = 6;
+  int points_per_cell = 8;
   int max_iterations = 5;
 };
 

@@ -23,6 +23,9 @@ struct MotionStep {
   Eigen::Isometry3d T_reference_camera =
       Eigen::Isometry3d::Identity();       ///< the same with what earlier frames were corrected by
   Matrix6d covariance = Matrix6d::Zero();  ///< along and about the axes of the reference
+  /// Of the reference's own pose against the landmarks that the motion was measured with: the
+  /// velocity has its error, too.
+  Matrix6d reference_covariance = Matrix6d::Zero();
   /// How many times the covariance is handed on to the next poses. Against a map a frame's error is
   /// its own, only the landmarks made with it keep it.
   double lasting = 1.0;

@@ -7,6 +7,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "motion/residuals.h"
+#include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/types.h"
 
@@ -85,7 +86,7 @@ struct MapPoint {
   Sightings sightings;
   /// How far one pixel of the patch to the right, and one down, is in the map, if the surface faced
   /// the camera [m].
-  Eigen::Matrix<double, 3, 2> patch_axes = Eigen::Matrix<double, 3, 2>::Zero();
+  PixelAxes patch_axes = PixelAxes::Zero();
   std::array<std::uint8_t, kPatchSide * kPatchSide> patch{};  ///< of the left image that made it
   Descriptor left{};
   Descriptor right{};

@@ -101,14 +101,14 @@ bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
 }
 
 /// A landmark at the place and with the looks of a point of a frame at a pose.
-MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo, const StereoCamera& camera,
+MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
                    const Eigen::Isometry3d& T_map_camera) {
   const PointFeature& feature = frame.features.points_left[stereo.left];
   const Eigen::Matrix3d& R = T_map_camera.linear();
   MapPoint point;
   point.place.value = T_map_camera * stereo.triangulated.p_camera;
   point.place.spread = R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
-  point.patch_axes = R * facingPixelAxes(camera, stereo.triangulated.p_camera.z());
+  point.patch_axes = R * stereo.pixel_axes;
   cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
   cv::getRectSubPix(frame.left_image, patch.size(), {feature.pixel.x(), feature.pixel.y()}, patch);
   point.left = feature.descriptor;
@@ -280,7 +280,7 @@ void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
     const Eigen::Vector2f& pixel = feature(i).pixel;
     if (!patchFits(pixel, camera) || !quota.take(pixel)) continue;
     const StereoPoint& stereo = frame.points[i];
-    MapPoint point = makePoint(frame, stereo, camera, T_map_reference_);
+    MapPoint point = makePoint(frame, stereo, T_map_reference_);
     if (!point.place.value.allFinite() || !point.place.spread.allFinite()) continue;
     point.id = next_landmark_++;
     point.sightings.last_keyframe = next_keyframe_;

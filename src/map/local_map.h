@@ -64,6 +64,9 @@ class LocalMap {
   /// Share of what the reference sees that was new with it.
   double shareOfNew() const { return share_of_new_; }
 
+  /// Of the reference's pose against the landmarks that it saw, in its axes.
+  const Matrix6d& referenceCovariance() const { return reference_.covariance; }
+
   /// All that the map holds, for StereoOdometry::saveState(); the parameters are given.
   auto state();
 

@@ -13,8 +13,8 @@ constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
 struct View {
   Eigen::Vector2f left_px;
   Eigen::Vector2f right_px;
-  Eigen::Matrix2f warp;  // pixels of the patch per pixel of the image
-  bool look = false;     // the places are near enough for the patch to be aligned
+  StereoWarp warp;    // pixels of the patch per pixel of the images
+  bool look = false;  // the places are near enough for the patch to be aligned
 };
 
 std::optional<View> viewOf(const MapPoint& point, const StereoCamera& camera,
@@ -29,15 +29,15 @@ std::optional<View> viewOf(const MapPoint& point, const StereoCamera& camera,
            pixel.y() < camera.height - kMargin;
   };
   if (!inside(left) || !inside(right)) return std::nullopt;
-  const auto warp = patchWarp(camera, p, T_camera_map.linear() * point.patch_axes);
+  const auto warp = stereoPatchWarp(camera, p, T_camera_map.linear() * point.patch_axes);
   if (!warp) return std::nullopt;
   return View{left.cast<float>(), right.cast<float>(), *warp, false};
 }
 
-PatchAligner patchOf(const MapPoint& point, const Eigen::Matrix2f& warp) {
+StereoPatch patchOf(const MapPoint& point, const StereoWarp& warp) {
   const cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1,
                       const_cast<std::uint8_t*>(point.patch.data()));  // only read
-  return PatchAligner(patch, Eigen::Vector2f(kHalfPatch, kHalfPatch), warp);
+  return StereoPatch(patch, Eigen::Vector2f(kHalfPatch, kHalfPatch), warp);
 }
 
 }  // namespace

@@ -17,6 +17,14 @@ constexpr float kConvergedPx = 0.01F;
 constexpr float kMaxShiftPx = 2.5F;    // from the initial place
 constexpr float kMaxResidual = 20.0F;  // RMS of the brightness difference [grey levels]
 
+// Slopes are taken to be about zero where the patch does not show them: so much, for a brightness
+// that is known so well [grey levels]. A patch that slopes do not explain so well shows more than
+// one surface.
+constexpr float kSlopeDeviation = 0.05F;
+constexpr float kSlopeNoise = 5.0F;
+constexpr float kMaxSlope = 0.7F;
+constexpr float kMaxSlantedResidual = 4.0F;  // RMS, as above
+
 using Patch = PatchAligner::Patch;
 using WidePatch = PatchAligner::WidePatch;
 
@@ -123,6 +131,38 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
   return true;
 }
 
+/// Bilinear samples where a slanted patch is seen. False if a corner lies outside of the image.
+bool sampleSlanted(const cv::Mat& image, const PatchAligner::Slanted& seen, Patch* values) {
+  constexpr int kHalf = kSide / 2;
+  const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
+  const Eigen::Vector2f& centre = seen.pixel;
+  if (!(centre.x() >= extent && centre.y() >= kHalf &&
+        centre.x() + extent < static_cast<float>(image.cols - 1) &&
+        centre.y() + kHalf < static_cast<float>(image.rows - 1))) {
+    return false;
+  }
+  const int y = static_cast<int>(centre.y());
+  const float below = centre.y() - static_cast<float>(y);
+  const auto step = static_cast<std::ptrdiff_t>(image.step1());
+  const float along = 1.0F + seen.slope.x();
+  for (int r = 0; r < kSide; ++r) {
+    const uchar* row = image.ptr<uchar>(y - kHalf + r);
+    float at = centre.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
+    float* value = values->data() + r * kPitch;
+    for (int c = 0; c < kSide; ++c, at += along) {
+      const int x = static_cast<int>(at);
+      const float right = at - static_cast<float>(x);
+      const uchar* p = row + x;
+      const uchar* q = p + step;
+      const float above = static_cast<float>(p[0]) + right * static_cast<float>(p[1] - p[0]);
+      const float under = static_cast<float>(q[0]) + right * static_cast<float>(q[1] - q[0]);
+      value[c] = above + below * (under - above);
+    }
+    value[kSide] = 0.0F;
+  }
+  return true;
+}
+
 /// Sum of products; a partial sum for each column, so that it is the same and fast on every
 /// processor.
 float dot(const Patch& a, const Patch& b) {
@@ -135,8 +175,8 @@ float dot(const Patch& a, const Patch& b) {
   return sum;
 }
 
-/// Makes the mean of the patch zero, and its last column.
-void centre(Patch* values) {
+/// Makes the mean of the patch zero, and its last column. Returns what the mean was.
+float centre(Patch* values) {
   float sum = 0.0F;
   for (int r = 0; r < kSide; ++r) {
     for (int c = 0; c < kSide; ++c) sum += (*values)[r * kPitch + c];
@@ -144,6 +184,7 @@ void centre(Patch* values) {
   const float mean = sum / kArea;
   for (float& value : *values) value -= mean;
   for (int r = 0; r < kSide; ++r) (*values)[r * kPitch + kSide] = 0.0F;
+  return mean;
 }
 
 }  // namespace
@@ -172,7 +213,9 @@ void PatchAligner::prepare(const WidePatch& wide) {
       gy_[r * kPitch + c] = 0.5F * (p[kWide] - p[-kWide]);
     }
   }
-  for (Patch* values : {&brightness_, &gx_, &gy_}) centre(values);
+  centre(&brightness_);
+  mean_gx_ = centre(&gx_);
+  centre(&gy_);
   at_brightness_ = {dot(gx_, brightness_), dot(gy_, brightness_)};
   const float xy = dot(gx_, gy_);
   Eigen::Matrix2f hessian;
@@ -197,10 +240,66 @@ std::optional<Eigen::Vector2f> PatchAligner::align(const cv::Mat& target,
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
     if (step.squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    centre(&values);
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] -= brightness_[i];
-    if (dot(values, values) > kArea * kMaxResidual * kMaxResidual) return std::nullopt;
+    if (!looksLike(kMaxResidual, &values)) return std::nullopt;
     return pixel;
+  }
+  return std::nullopt;
+}
+
+bool PatchAligner::looksLike(float max_residual, Patch* values) const {
+  centre(values);
+  for (std::size_t i = 0; i < values->size(); ++i) (*values)[i] -= brightness_[i];
+  return dot(*values, *values) <= kArea * max_residual * max_residual;
+}
+
+std::optional<PatchAligner::Slanted> PatchAligner::alignSlanted(
+    const cv::Mat& target, const Eigen::Vector2f& initial_px) const {
+  if (!usable_) return std::nullopt;
+  // What the brightness changes by: along the two directions, and with the two slopes.
+  std::array<Patch, 2> by_slope;
+  for (int r = 0; r < kSide; ++r) {
+    for (int c = 0; c < kPitch; ++c) {
+      const float gx = gx_[r * kPitch + c] + mean_gx_;
+      by_slope[0][r * kPitch + c] = gx * static_cast<float>(c - kSide / 2);
+      by_slope[1][r * kPitch + c] = gx * static_cast<float>(r - kSide / 2);
+    }
+  }
+  for (Patch& values : by_slope) centre(&values);
+  const std::array<const Patch*, 4> by{&gx_, &gy_, by_slope.data(), &by_slope[1]};
+  constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
+  Eigen::Matrix4f hessian;
+  Eigen::Vector4f at_brightness;
+  for (int i = 0; i < 4; ++i) {
+    for (int k = 0; k <= i; ++k) hessian(i, k) = hessian(k, i) = dot(*by[i], *by[k]);
+    at_brightness[i] = dot(*by[i], brightness_);
+  }
+  hessian(2, 2) += kPrior;
+  hessian(3, 3) += kPrior;
+  const Eigen::Matrix4f inverse_hessian = hessian.inverse();
+
+  Slanted seen{initial_px, Eigen::Vector2f::Zero()};
+  Patch values;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    if (!sampleSlanted(target, seen, &values)) return std::nullopt;
+    Eigen::Vector4f b;
+    for (int i = 0; i < 4; ++i) b[i] = dot(*by[i], values);
+    b -= at_brightness;
+    b.tail<2>() += kPrior * seen.slope;
+    const Eigen::Vector4f step = inverse_hessian * b;
+    // The patch as seen before, after the inverse of the step.
+    const float narrowed = 1.0F / (1.0F + step[2]);
+    const float along = (1.0F + seen.slope.x()) * narrowed;
+    seen.slope.y() -= along * step[3];
+    seen.slope.x() = along - 1.0F;
+    seen.pixel.x() -= along * step[0] + seen.slope.y() * step[1];
+    seen.pixel.y() -= step[1];
+    if (!((seen.pixel - initial_px).squaredNorm() <= kMaxShiftPx * kMaxShiftPx &&
+          seen.slope.lpNorm<Eigen::Infinity>() <= kMaxSlope)) {
+      return std::nullopt;
+    }
+    if (step.head<2>().squaredNorm() >= kConvergedPx * kConvergedPx) continue;
+    if (!looksLike(kMaxSlantedResidual, &values)) return std::nullopt;
+    return seen;
   }
   return std::nullopt;
 }

@@ -31,11 +31,11 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
   return sight;
 }
 
-std::optional<PointSight> alignPoint(const PatchAligner& patch, const Eigen::Vector2f& left_px,
+std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vector2f& left_px,
                                      const Eigen::Vector2f& right_px, const FrameContext& context) {
-  const auto left = patch.align(context.images.left, left_px);
+  const auto left = patch.left.align(context.images.left, left_px);
   if (!left) return std::nullopt;
-  const auto right = patch.align(context.images.right, right_px);
+  const auto right = patch.right.align(context.images.right, right_px);
   const double max_rows = context.parameters.matching.max_row_difference_px;
   if (!right || std::abs(right->y() - left->y()) > max_rows) return std::nullopt;
   PointSight sight;

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "matching/patch_warp.h"
 #include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
@@ -36,7 +37,7 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
 
 /// The place where a point of the map or of an earlier frame is seen: its patch is aligned in both
 /// images of the current frame, from where it is expected. Nothing if it is not found in both.
-std::optional<PointSight> alignPoint(const PatchAligner& patch, const Eigen::Vector2f& left_px,
+std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vector2f& left_px,
                                      const Eigen::Vector2f& right_px, const FrameContext& context);
 
 }  // namespace point_line_odometry

@@ -30,36 +30,39 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
                                        const FrameContext& context) {
   const PointFeature& left = features.points_left[match.first];
   const MatchingParameters& matching = context.parameters.matching;
-  Eigen::Vector2f right_px = features.points_right[match.second].pixel;
+  PatchAligner::Slanted right{features.points_right[match.second].pixel, Eigen::Vector2f::Zero()};
   std::optional<double> gain;
   if (matching.refine_subpixel) {
     const PatchAligner patch(context.images.left, left.pixel);
-    const auto aligned = patch.align(context.images.right, right_px);
-    if (!aligned) return std::nullopt;
-    right_px = *aligned;
+    if (const auto slanted = patch.alignSlanted(context.images.right, right.pixel)) {
+      right = *slanted;
+    } else if (const auto facing = patch.align(context.images.right, right.pixel)) {
+      right.pixel = *facing;
+    } else {
+      return std::nullopt;
+    }
     gain = patch.noiseGain();
   }
-  const Eigen::Vector2d corrected = context.correction.apply(right_px.cast<double>());
+  const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
   const double sigma_px =
       pointSigma(context.parameters.motion, gain, levelScale(left, context.parameters));
   const auto triangulated = triangulatePoint(context.camera, left.pixel.cast<double>(),
                                              corrected.x(), sigma_px, matching.min_disparity_px);
   if (!triangulated) return std::nullopt;
-  return StereoPoint{match.first, match.second, right_px, sigma_px, *triangulated};
+  return StereoPoint{match.first,   match.second,
+                     right.pixel,   sigma_px,
+                     *triangulated, pixelAxes(context.camera, triangulated->p_camera, right.slope)};
 }
 
-/// The patch round a point of an earlier frame as the current one should see it.
-PatchAligner patchOf(const StereoFrame& earlier, const StereoPoint& point,
-                     const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
+/// The patch round a point of an earlier frame as both images of the current one should see it.
+StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
+                    const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
   const Eigen::Vector2f& pixel = earlier.features.points_left[point.left].pixel;
-  const Eigen::Vector3d& p_earlier = point.triangulated.p_camera;
-  const Eigen::Vector3d p_curr = T_curr_earlier * p_earlier;
-  if (p_curr.z() > camera.baseline_m) {
-    const auto warp =
-        patchWarp(camera, p_curr, T_curr_earlier.linear() * facingPixelAxes(camera, p_earlier.z()));
-    if (warp) return PatchAligner(earlier.left_image, pixel, *warp);
-  }
-  return PatchAligner(earlier.left_image, pixel);
+  const auto warp = stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
+                                    T_curr_earlier.linear() * point.pixel_axes);
+  if (warp) return StereoPatch(earlier.left_image, pixel, *warp);
+  const PatchAligner as_seen(earlier.left_image, pixel);
+  return {as_seen, as_seen};
 }
 
 PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoPoint& before,
@@ -70,9 +73,9 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
   std::optional<double> gain;
   if (context.parameters.matching.refine_subpixel) {
-    const PatchAligner patch = patchOf(earlier, before, T_curr_earlier, context.camera);
-    const auto left = patch.align(context.images.left, left_px);
-    const auto right = patch.align(context.images.right, right_px);
+    const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
+    const auto left = patch.left.align(context.images.left, left_px);
+    const auto right = patch.right.align(context.images.right, right_px);
     if (left && right) gain = patch.noiseGain();
     left_px = left.value_or(left_px);
     right_px = right.value_or(right_px);

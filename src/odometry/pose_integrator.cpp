@@ -45,7 +45,8 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   T_odom_camera_.linear() =
       Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
   velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s),
-                             step.covariance / (dt_s * dt_s), dt_s, stamp_ns};
+                             (step.covariance + step.reference_covariance) / (dt_s * dt_s), dt_s,
+                             stamp_ns};
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
 }

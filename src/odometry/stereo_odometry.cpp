@@ -30,8 +30,8 @@ constexpr double kMaxCorrectionSigmas = 3.0;
 // Errors of successive motions are alike, as they come from the same features: so many times a
 // motion's covariance is handed on to the next poses, from frame to frame; and of a motion against
 // the map, times the share of landmarks that are new. Measured in the built-in worlds (NEES).
-constexpr double kLastingDirect = 3.0;
-constexpr double kLastingOfNew = 6.0;
+constexpr double kLastingDirect = 10.0;
+constexpr double kLastingOfNew = 20.0;
 
 Parameters checked(const Parameters& parameters) {
   const std::vector<std::string> errors = checkParameters(parameters);
@@ -223,6 +223,9 @@ MotionStep StereoOdometry::Impl::stepOf(const MotionMeasurement& measurement) co
       limitedStep(step.T_measured, pose_.T_odom_reference().inverse() * T_odom_camera, limit,
                   kMaxCorrectionSigmas);
   step.lasting = kLastingOfNew * history_.map->shareOfNew();
+  // Landmarks that the reference brought lie where it saw them, others do not share its error.
+  step.reference_covariance =
+      (1.0 - history_.map->shareOfNew()) * history_.map->referenceCovariance();
   return step;
 }
 
