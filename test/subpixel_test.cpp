@@ -21,10 +21,12 @@ std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
 using Eigen::Vector2f;
 
 constexpr int kSize = 100;
+const Vector2f kMiddle(50.0F, 50.0F);
 
 /// A smooth texture, known at every place: what is at p in the first image is at p + shift in this
-/// one.
-cv::Mat waves(const Vector2f& shift, double gain = 1.0, double offset = 0.0, unsigned seed = 1) {
+/// one; with a slope, columns change by it around the middle of the image.
+cv::Mat waves(const Vector2f& shift, double gain = 1.0, double offset = 0.0, unsigned seed = 1,
+              const Vector2f& slope = Vector2f::Zero()) {
   synthetic::Random random(seed);
   struct Wave {
     double kx, ky, phase;
@@ -39,9 +41,13 @@ cv::Mat waves(const Vector2f& shift, double gain = 1.0, double offset = 0.0, uns
   cv::Mat image(kSize, kSize, CV_8UC1);
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
+      const Vector2f from_middle = Vector2f(x, y) - kMiddle - shift;
+      const double source_x =
+          kMiddle.x() + (from_middle.x() - slope.y() * from_middle.y()) / (1.0F + slope.x());
+      const double source_y = kMiddle.y() + from_middle.y();
       double value = 0.0;
       for (const Wave& wave : all)
-        value += std::sin(wave.kx * (x - shift.x()) + wave.ky * (y - shift.y()) + wave.phase);
+        value += std::sin(wave.kx * source_x + wave.ky * source_y + wave.phase);
       image.at<uchar>(y, x) = cv::saturate_cast<uchar>(gain * (120.0 + 15.0 * value) + offset);
     }
   }
@@ -49,6 +55,28 @@ cv::Mat waves(const Vector2f& shift, double gain = 1.0, double offset = 0.0, uns
 }
 
 const cv::Mat kReference = waves({0.0F, 0.0F});
+
+TEST(AlignSlanted, FindsPlaceAndSlopes) {
+  const PatchAligner patch(kReference, kMiddle);
+  const Vector2f shift(-5.7F, 0.0F);
+  const Vector2f truth = kMiddle + shift;
+  for (const Vector2f& slope : {Vector2f(0.0F, 0.0F), Vector2f(0.1F, 0.0F), Vector2f(-0.15F, 0.0F),
+                                Vector2f(0.0F, -0.33F), Vector2f(-0.1F, 0.1F)}) {
+    const cv::Mat target = waves(shift, 1.0, 0.0, 1, slope);
+    const auto found = patch.alignSlanted(target, Vector2f(44.0F, 50.0F));
+    ASSERT_TRUE(found) << slope.transpose();
+    EXPECT_LT((found->pixel - truth).norm(), 0.08F) << slope.transpose();
+    EXPECT_LT((found->slope - slope).norm(), 0.05F) << slope.transpose();
+  }
+}
+
+TEST(AlignSlanted, RefusesTwoSurfaces) {
+  const Vector2f centre(50.0F, 50.0F);
+  cv::Mat target = waves({0.0F, 0.0F});
+  const cv::Mat nearer = waves({3.0F, 0.0F});
+  nearer.colRange(53, kSize).copyTo(target.colRange(53, kSize));
+  EXPECT_FALSE(PatchAligner(kReference, centre).alignSlanted(target, centre));
+}
 
 TEST(AlignPatch, SameImageStaysPut) {
   const auto found = alignPatch(kReference, {50.0F, 40.0F}, kReference, {50.0F, 40.0F});

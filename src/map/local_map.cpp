@@ -138,7 +138,9 @@ MapLine makeLine(const StereoFrame& frame, const StereoLine& stereo,
 /// What a window has done to its keyframes: their ids, and p_map after it <- p_map before.
 using WindowMoves = std::vector<std::pair<std::uint64_t, Eigen::Isometry3d>>;
 
-void moveBy(const Eigen::Isometry3d& move, PointBelief* place) { place->value = move * place->value; }
+void moveBy(const Eigen::Isometry3d& move, PointBelief* place) {
+  place->value = move * place->value;
+}
 
 void moveBy(const Eigen::Isometry3d& move, LineBelief* place) {
   const Eigen::Vector3d start = place->value.head<3>();

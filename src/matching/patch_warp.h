@@ -53,8 +53,7 @@ inline std::optional<StereoWarp> stereoPatchWarp(const StereoCamera& camera,
                                                  const PixelAxes& axes) {
   if (!(p_left.z() > camera.baseline_m)) return std::nullopt;
   const auto left = patchWarp(camera, p_left, axes);
-  const auto right =
-      patchWarp(camera, p_left - camera.baseline_m * Eigen::Vector3d::UnitX(), axes);
+  const auto right = patchWarp(camera, p_left - camera.baseline_m * Eigen::Vector3d::UnitX(), axes);
   if (!left || !right) return std::nullopt;
   return StereoWarp{*left, *right};
 }

@@ -28,7 +28,9 @@ constexpr double kPredictedPx = 2.0;
 /// amount to.
 struct Statistics {
   Matrix6d information = Matrix6d::Zero();
-  double chi2 = 0.0;
+  double pulls = 0.0;        // squares of the residuals times their Huber weights
+  double weights = 0.0;      // these weights, for each row
+  double stiffnesses = 0.0;  // how much a pull changes with its residual, for each row
   double squares_px = 0.0;
   int rows = 0;
   ResidualHistogram points;
@@ -115,9 +117,12 @@ class MotionProblem {
           norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
       const auto J = (weight * residual.byMotion()).eval();
       statistics.information += huber_weight * J.transpose() * J;
-      statistics.chi2 += huber_weight * norm * norm;
+      const auto rows = static_cast<int>(residual.value.size());
+      statistics.pulls += huber_weight * huber_weight * norm * norm;
+      statistics.weights += huber_weight * rows;
+      statistics.stiffnesses += huber_weight * (huber_weight < 1.0 ? rows - 1 : rows);
       statistics.squares_px += residual.value.squaredNorm();
-      statistics.rows += static_cast<int>(residual.value.size());
+      statistics.rows += rows;
       for (Eigen::Index i = 0; i < whitened.size(); ++i) histogram->add(whitened[i]);
     };
     points_.forEachActive(T_curr_prev, [&](const auto& residual, const auto& weight) {
@@ -135,6 +140,17 @@ class MotionProblem {
   WeightedMatches<LineResidual<kImages>> lines_;
 };
 
+/// How many times the inverse of the normal matrix the covariance is: what the residuals show of
+/// how far the weights are true, for estimates with Huber's weights (Huber, Robust Statistics,
+/// 1981, section 7.6; a kernel of a norm pulls along its residual only).
+double covarianceScale(const Statistics& statistics) {
+  const double freedoms = std::max(statistics.rows - 6, 0);
+  if (!(statistics.stiffnesses > 0.0) || !(freedoms > 0.0)) return 1.0;
+  const double shown = statistics.pulls * statistics.weights * statistics.rows /
+                       (statistics.stiffnesses * statistics.stiffnesses);
+  return (shown + kWeightsTrusted) / (freedoms + kWeightsTrusted);
+}
+
 /// From the normal matrix of the solver's perturbation of T_curr_prev to the covariance of
 /// T_prev_curr in ROS' order.
 Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d& T_curr_prev) {
@@ -144,9 +160,7 @@ Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d&
   const Matrix6d inverse = eigen.eigenvectors() *
                            eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
                            eigen.eigenvectors().transpose();
-  // How far the weights are true is what the residuals show, if there are enough of them.
-  const double freedoms = std::max(statistics.rows - 6, 0);
-  const double scale = (statistics.chi2 + kWeightsTrusted) / (freedoms + kWeightsTrusted);
+  const double scale = covarianceScale(statistics);
 
   // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
   const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();

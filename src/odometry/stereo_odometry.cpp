@@ -30,8 +30,8 @@ constexpr double kMaxCorrectionSigmas = 3.0;
 // Errors of successive motions are alike, as they come from the same features: so many times a
 // motion's covariance is handed on to the next poses, from frame to frame; and of a motion against
 // the map, times the share of landmarks that are new. Measured in the built-in worlds (NEES).
-constexpr double kLastingDirect = 10.0;
-constexpr double kLastingOfNew = 20.0;
+constexpr double kLastingDirect = 7.0;
+constexpr double kLastingOfNew = 14.0;
 
 Parameters checked(const Parameters& parameters) {
   const std::vector<std::string> errors = checkParameters(parameters);
