@@ -23,7 +23,7 @@ std::optional<View> viewOf(const MapPoint& point, const StereoCamera& camera,
   if (!(p.z() > camera.baseline_m)) return std::nullopt;
   const Eigen::Vector2d left = camera.projectLeft(p);
   const Eigen::Vector2d right = camera.projectRight(p);
-  constexpr double kMargin = PatchAligner::kSide / 2 + 2;
+  constexpr int kMargin = PatchAligner::kSide / 2 + 2;
   const auto inside = [&](const Eigen::Vector2d& pixel) {
     return pixel.x() >= kMargin && pixel.y() >= kMargin && pixel.x() < camera.width - kMargin &&
            pixel.y() < camera.height - kMargin;

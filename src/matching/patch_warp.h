@@ -63,7 +63,7 @@ struct StereoPatch {
   PatchAligner left;
   PatchAligner right;
 
-  StereoPatch(PatchAligner in_left, PatchAligner in_right) : left(in_left), right(in_right) {}
+  explicit StereoPatch(const PatchAligner& in_both) : left(in_both), right(in_both) {}
   StereoPatch(const cv::Mat& image, const Eigen::Vector2f& pixel, const StereoWarp& warp)
       : left(image, pixel, warp.left), right(image, pixel, warp.right) {}
 

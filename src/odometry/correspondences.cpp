@@ -61,8 +61,7 @@ StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
   const auto warp = stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
                                     T_curr_earlier.linear() * point.pixel_axes);
   if (warp) return StereoPatch(earlier.left_image, pixel, *warp);
-  const PatchAligner as_seen(earlier.left_image, pixel);
-  return {as_seen, as_seen};
+  return StereoPatch(PatchAligner(earlier.left_image, pixel));
 }
 
 PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoPoint& before,
