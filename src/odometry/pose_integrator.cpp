@@ -44,9 +44,9 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   T_odom_camera_ = T_odom_reference_ * step.T_reference_camera;
   T_odom_camera_.linear() =
       Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s),
-                             (step.covariance + step.reference_covariance) / (dt_s * dt_s), dt_s,
-                             stamp_ns};
+  velocity_ =
+      CameraVelocity{velocityOfMotion(step.T_measured, dt_s),
+                     (step.covariance + step.reference_covariance) / (dt_s * dt_s), dt_s, stamp_ns};
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
 }
