@@ -71,11 +71,10 @@ TEST(AlignSlanted, FindsPlaceAndSlopes) {
 }
 
 TEST(AlignSlanted, RefusesTwoSurfaces) {
-  const Vector2f centre(50.0F, 50.0F);
   cv::Mat target = waves({0.0F, 0.0F});
   const cv::Mat nearer = waves({3.0F, 0.0F});
   nearer.colRange(53, kSize).copyTo(target.colRange(53, kSize));
-  EXPECT_FALSE(PatchAligner(kReference, centre).alignSlanted(target, centre));
+  EXPECT_FALSE(PatchAligner(kReference, kMiddle).alignSlanted(target, kMiddle));
 }
 
 TEST(AlignPatch, SameImageStaysPut) {

@@ -84,8 +84,7 @@ struct MapPoint {
   std::uint64_t id = 0;
   PointBelief place;  ///< in the map [m]
   Sightings sightings;
-  /// How far one pixel of the patch to the right, and one down, is in the map, if the surface faced
-  /// the camera [m].
+  /// Where one pixel of the patch to the right, and one down, lead on the surface, in the map [m].
   PixelAxes patch_axes = PixelAxes::Zero();
   std::array<std::uint8_t, kPatchSide * kPatchSide> patch{};  ///< of the left image that made it
   Descriptor left{};
