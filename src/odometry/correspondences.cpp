@@ -34,13 +34,11 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   std::optional<double> gain;
   if (matching.refine_subpixel) {
     const PatchAligner patch(context.images.left, left.pixel);
-    if (const auto slanted = patch.alignSlanted(context.images.right, right.pixel)) {
-      right = *slanted;
-    } else if (const auto facing = patch.align(context.images.right, right.pixel)) {
-      right.pixel = *facing;
-    } else {
-      return std::nullopt;
-    }
+    const auto facing = patch.align(context.images.right, right.pixel);
+    right.pixel = facing.value_or(right.pixel);
+    const auto slanted = patch.alignSlanted(context.images.right, right.pixel);
+    if (!facing && !slanted) return std::nullopt;
+    right = slanted.value_or(right);
     gain = patch.noiseGain();
   }
   const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
