@@ -15,7 +15,8 @@ std::optional<Eigen::Vector2f> alignPatch(const cv::Mat& reference,
                                           const Eigen::Vector2f& reference_px,
                                           const cv::Mat& target,
                                           const Eigen::Vector2f& initial_px) {
-  return PatchAligner(reference, reference_px).align(target, initial_px);
+  const auto found = PatchAligner(reference, reference_px).align(target, initial_px);
+  return found ? std::optional<Eigen::Vector2f>(found->pixel) : std::nullopt;
 }
 
 using Eigen::Vector2f;
@@ -110,9 +111,9 @@ TEST(AlignPatch, FollowsAChangeOfScale) {
   const Vector2f start = centre + Vector2f(0.6F, -0.5F);
   const auto warped = PatchAligner(kReference, centre, source_by_target).align(target, start);
   ASSERT_TRUE(warped);
-  EXPECT_LT((*warped - centre).norm(), 0.03F);
+  EXPECT_LT((warped->pixel - centre).norm(), 0.03F);
   const auto plain = alignPatch(kReference, centre, target, start);
-  EXPECT_TRUE(!plain || (*plain - centre).norm() > 2.0F * (*warped - centre).norm());
+  EXPECT_TRUE(!plain || (*plain - centre).norm() > 2.0F * (warped->pixel - centre).norm());
 }
 
 TEST(AlignPatch, RefusesAWarpThatLeavesTheImage) {

@@ -143,6 +143,16 @@ CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
                               const StereoCamera& camera, const MotionPrediction& prediction,
                               const MatchingParameters& parameters);
 
+/// Where a patch is seen in another image: its row with offset y at columns
+/// pixel.x + (1 + slope.x) x + slope.y y.
+struct AlignedPatch {
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< its centre
+  Eigen::Vector2f slope = Eigen::Vector2f::Zero();
+  /// Standard deviation of each coordinate: by what the alignment leaves unexplained of the
+  /// brightness, and the contrast. What is not aligned is known to a whole pixel.
+  double noise_px = std::sqrt(1.0 / 12.0);
+};
+
 /// Aligns the patch round a pixel of one image, 11 x 11 px, with others by translation (inverse
 /// compositional Lucas-Kanade with the mean brightness removed).
 class PatchAligner {
@@ -161,31 +171,20 @@ class PatchAligner {
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
                const Eigen::Matrix2f& source_by_target);
 
-  /// Centre of the patch in the target. Nothing if it does not converge near the initial place, the
-  /// patches differ, or the patch has no corner.
-  std::optional<Eigen::Vector2f> align(const cv::Mat& target,
-                                       const Eigen::Vector2f& initial_px) const;
-
-  /// A patch in the other image of a stereo pair: the row with offset y of the patch is seen at
-  /// columns pixel.x + (1 + slope.x) x + slope.y y.
-  struct Slanted {
-    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
-    Eigen::Vector2f slope = Eigen::Vector2f::Zero();
-  };
+  /// The patch in the target, without slopes. Nothing if it does not converge near the initial
+  /// place, the patches differ, or the patch has no corner.
+  std::optional<AlignedPatch> align(const cv::Mat& target, const Eigen::Vector2f& initial_px) const;
 
   /// The same for a patch of the left image of a rectified pair in the right one, of a surface that
   /// need not face the cameras: road and walls are seen sheared and narrowed. Nothing, too, if one
   /// surface does not explain the patch.
-  std::optional<Slanted> alignSlanted(const cv::Mat& target,
-                                      const Eigen::Vector2f& initial_px) const;
-
-  /// Standard deviation of a coordinate of an aligned place per that of the brightness of a pixel
-  /// [px / grey level].
-  double noiseGain() const { return std::sqrt(0.5 * inverse_hessian_.trace()); }
+  std::optional<AlignedPatch> alignSlanted(const cv::Mat& target,
+                                           const Eigen::Vector2f& initial_px) const;
 
  private:
   void prepare(const WidePatch& wide);
-  bool looksLike(float max_residual, Patch* values) const;  // spoils the values
+  float residual(Patch* values) const;  // RMS [grey levels]; spoils the values
+  double noise(float residual) const;   // of a coordinate [px]
 
   Patch brightness_;  // each less its mean
   Patch gx_;

@@ -45,8 +45,7 @@ struct MatchingParameters {
 struct MotionParameters {
   std::string residual_images = "both";
   bool fuse_rotation = false;
-  double point_noise_px = 0.15;
-  double image_noise = 2.5;
+  double point_noise_px = 0.12;
   double line_noise_px = 0.08;
   double edge_noise_px = 0.45;
   double min_line_angle_deg = 5.0;
@@ -157,9 +156,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("motion/fuse_rotation", p.motion.fuse_rotation,
         "fuse the rotation with an estimate over two frames (paper, eq. 9-10)");
   visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px",
-        "standard deviation of a point's pixel if the image had no noise");
-  visit("motion/image_noise", p.motion.image_noise, 0.0, 100.0, "grey levels",
-        "standard deviation of a brightness; adds to the noise of points with little contrast");
+        "standard deviation of a point's pixel beyond what its patch shows");
   visit("motion/line_noise_px", p.motion.line_noise_px, 0.01, 10.0, "px",
         "standard deviation of a very long segment's end point across the line");
   visit("motion/edge_noise_px", p.motion.edge_noise_px, 0.0, 10.0, "px",

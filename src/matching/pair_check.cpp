@@ -138,7 +138,7 @@ std::vector<PixelPair> consistentPairs(const std::vector<PixelPair>& pairs, floa
 void refine(const cv::Mat& left, const cv::Mat& right, std::vector<PixelPair>* pairs) {
   for (PixelPair& pair : *pairs) {
     const auto place = PatchAligner(left, pair.left).align(right, pair.right);
-    if (place) pair.right = *place;
+    if (place) pair.right = place->pixel;
   }
 }
 

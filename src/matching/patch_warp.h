@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <optional>
 
 #include "point_line_odometry/matching.h"
@@ -66,9 +65,6 @@ struct StereoPatch {
   explicit StereoPatch(const PatchAligner& in_both) : left(in_both), right(in_both) {}
   StereoPatch(const cv::Mat& image, const Eigen::Vector2f& pixel, const StereoWarp& warp)
       : left(image, pixel, warp.left), right(image, pixel, warp.right) {}
-
-  /// Of the worse of the two, see PatchAligner::noiseGain().
-  double noiseGain() const { return std::max(left.noiseGain(), right.noiseGain()); }
 };
 
 }  // namespace point_line_odometry

@@ -14,8 +14,9 @@ constexpr int kArea = kSide * kSide;
 constexpr int kWide = PatchAligner::kWide;
 constexpr int kMaxIterations = 8;
 constexpr float kConvergedPx = 0.01F;
-constexpr float kMaxShiftPx = 2.5F;    // from the initial place
-constexpr float kMaxResidual = 20.0F;  // RMS of the brightness difference [grey levels]
+constexpr float kMaxShiftPx = 2.5F;     // from the initial place
+constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [grey levels]
+constexpr float kLeastResidual = 1.0F;  // no camera explains its brightness better
 
 // Slopes are taken to be about zero where the patch does not show them: so much, for a brightness
 // that is known so well [grey levels]. A patch that slopes do not explain so well shows more than
@@ -133,7 +134,7 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
 
 /// Bilinear samples where a slanted patch is seen: between the rows first, then along them. False
 /// if a pixel that is read lies outside of the image.
-bool sampleSlanted(const cv::Mat& image, const PatchAligner::Slanted& seen, Patch* values) {
+bool sampleSlanted(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
   constexpr int kHalf = kSide / 2;
   constexpr int kMaxSpan = 24;  // pixels of a row, in fours: kSide * (1 + kMaxSlope) and two more
   const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
@@ -150,8 +151,7 @@ bool sampleSlanted(const cv::Mat& image, const PatchAligner::Slanted& seen, Patc
   const cv::v_float32x4 by_column = cv::v_setall_f32(along);
   std::array<float, kMaxSpan> row{};
   for (int r = 0; r < kSide; ++r) {
-    const float begin =
-        centre.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
+    const float begin = centre.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
     const int first = static_cast<int>(begin);
     const float offset = begin - static_cast<float>(first);
     const uchar* p = image.ptr<uchar>(y - kHalf + r) + first;
@@ -236,8 +236,8 @@ void PatchAligner::prepare(const WidePatch& wide) {
   if (usable_) inverse_hessian_ = hessian.inverse();
 }
 
-std::optional<Eigen::Vector2f> PatchAligner::align(const cv::Mat& target,
-                                                   const Eigen::Vector2f& initial_px) const {
+std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
+                                                const Eigen::Vector2f& initial_px) const {
   if (!usable_) return std::nullopt;
   Eigen::Vector2f pixel = initial_px;
   Patch values;
@@ -251,20 +251,25 @@ std::optional<Eigen::Vector2f> PatchAligner::align(const cv::Mat& target,
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
     if (step.squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    if (!looksLike(kMaxResidual, &values)) return std::nullopt;
-    return pixel;
+    const float left_over = residual(&values);
+    if (!(left_over <= kMaxResidual)) return std::nullopt;
+    return AlignedPatch{pixel, Eigen::Vector2f::Zero(), noise(left_over)};
   }
   return std::nullopt;
 }
 
-bool PatchAligner::looksLike(float max_residual, Patch* values) const {
+float PatchAligner::residual(Patch* values) const {
   centre(values);
   for (std::size_t i = 0; i < values->size(); ++i) (*values)[i] -= brightness_[i];
-  return dot(*values, *values) <= kArea * max_residual * max_residual;
+  return std::sqrt(dot(*values, *values) / kArea);
 }
 
-std::optional<PatchAligner::Slanted> PatchAligner::alignSlanted(
-    const cv::Mat& target, const Eigen::Vector2f& initial_px) const {
+double PatchAligner::noise(float residual) const {
+  return std::max(residual, kLeastResidual) * std::sqrt(0.5F * inverse_hessian_.trace());
+}
+
+std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
+                                                       const Eigen::Vector2f& initial_px) const {
   if (!usable_) return std::nullopt;
   // What the brightness changes by: along the two directions, and with the two slopes.
   std::array<Patch, 2> by_slope;
@@ -288,7 +293,7 @@ std::optional<PatchAligner::Slanted> PatchAligner::alignSlanted(
   hessian(3, 3) += kPrior;
   const Eigen::Matrix4f inverse_hessian = hessian.inverse();
 
-  Slanted seen{initial_px, Eigen::Vector2f::Zero()};
+  AlignedPatch seen{initial_px};
   Patch values;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!sampleSlanted(target, seen, &values)) return std::nullopt;
@@ -309,7 +314,9 @@ std::optional<PatchAligner::Slanted> PatchAligner::alignSlanted(
       return std::nullopt;
     }
     if (step.head<2>().squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    if (!looksLike(kMaxSlantedResidual, &values)) return std::nullopt;
+    const float left_over = residual(&values);
+    if (!(left_over <= kMaxSlantedResidual)) return std::nullopt;
+    seen.noise_px = noise(left_over);
     return seen;
   }
   return std::nullopt;

@@ -5,10 +5,8 @@
 
 namespace point_line_odometry {
 
-double pointSigma(const MotionParameters& parameters, std::optional<double> gain, double scale) {
-  const double whole_pixels = std::sqrt(1.0 / 12.0);
-  const double added = gain ? parameters.image_noise * *gain : whole_pixels;
-  return scale * std::hypot(parameters.point_noise_px, added);
+double pointSigma(const MotionParameters& parameters, double alignment_noise_px, double scale) {
+  return scale * std::hypot(parameters.point_noise_px, alignment_noise_px);
 }
 
 double lineSigma(const MotionParameters& parameters, const LineSegment& left,
@@ -37,11 +35,12 @@ std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vect
   if (!left) return std::nullopt;
   const auto right = patch.right.align(context.images.right, right_px);
   const double max_rows = context.parameters.matching.max_row_difference_px;
-  if (!right || std::abs(right->y() - left->y()) > max_rows) return std::nullopt;
+  if (!right || std::abs(right->pixel.y() - left->pixel.y()) > max_rows) return std::nullopt;
   PointSight sight;
-  sight.left_px = left->cast<double>();
-  sight.right_px = context.correction.apply(right->cast<double>());
-  sight.sigma_px = pointSigma(context.parameters.motion, patch.noiseGain(), 1.0);
+  sight.left_px = left->pixel.cast<double>();
+  sight.right_px = context.correction.apply(right->pixel.cast<double>());
+  sight.sigma_px =
+      pointSigma(context.parameters.motion, std::max(left->noise_px, right->noise_px), 1.0);
   return sight;
 }
 

@@ -19,10 +19,9 @@ struct FrameContext {
   const Parameters& parameters;
 };
 
-/// Noise of a coordinate of a point's pixel [px]: what alignment by translation leaves out, and the
-/// image's noise. \param gain of the patch, see PatchAligner::noiseGain(); nothing if it was not
-/// aligned: whole pixels. \param scale of the pyramid level in which the point was found.
-double pointSigma(const MotionParameters& parameters, std::optional<double> gain, double scale);
+/// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, and that of its
+/// alignment. \param scale of the pyramid level in which the point was found.
+double pointSigma(const MotionParameters& parameters, double alignment_noise_px, double scale);
 
 /// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise
 /// of the edge's pixels, of which there is about one for each pixel of length. The ends of a line

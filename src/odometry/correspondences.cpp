@@ -30,20 +30,18 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
                                        const FrameContext& context) {
   const PointFeature& left = features.points_left[match.first];
   const MatchingParameters& matching = context.parameters.matching;
-  PatchAligner::Slanted right{features.points_right[match.second].pixel, Eigen::Vector2f::Zero()};
-  std::optional<double> gain;
+  AlignedPatch right{features.points_right[match.second].pixel};
   if (matching.refine_subpixel) {
     const PatchAligner patch(context.images.left, left.pixel);
     const auto facing = patch.align(context.images.right, right.pixel);
-    right.pixel = facing.value_or(right.pixel);
+    right = facing.value_or(right);
     const auto slanted = patch.alignSlanted(context.images.right, right.pixel);
     if (!facing && !slanted) return std::nullopt;
     right = slanted.value_or(right);
-    gain = patch.noiseGain();
   }
   const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
   const double sigma_px =
-      pointSigma(context.parameters.motion, gain, levelScale(left, context.parameters));
+      pointSigma(context.parameters.motion, right.noise_px, levelScale(left, context.parameters));
   const auto triangulated = triangulatePoint(context.camera, left.pixel.cast<double>(),
                                              corrected.x(), sigma_px, matching.min_disparity_px);
   if (!triangulated) return std::nullopt;
@@ -66,24 +64,20 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
                                        const StereoFrame& curr, const StereoPoint& now,
                                        const Eigen::Isometry3d& T_curr_earlier,
                                        const FrameContext& context) {
-  Eigen::Vector2f left_px = curr.features.points_left[now.left].pixel;
-  Eigen::Vector2f right_px = curr.features.points_right[now.right].pixel;
-  std::optional<double> gain;
+  AlignedPatch left{curr.features.points_left[now.left].pixel};
+  AlignedPatch right{curr.features.points_right[now.right].pixel};
   if (context.parameters.matching.refine_subpixel) {
     const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
-    const auto left = patch.left.align(context.images.left, left_px);
-    const auto right = patch.right.align(context.images.right, right_px);
-    if (left && right) gain = patch.noiseGain();
-    left_px = left.value_or(left_px);
-    right_px = right.value_or(right_px);
+    left = patch.left.align(context.images.left, left.pixel).value_or(left);
+    right = patch.right.align(context.images.right, right.pixel).value_or(right);
   }
   PointCorrespondence point;
   point.p_prev = before.triangulated.p_camera;
   point.covariance = before.triangulated.covariance;
-  point.left_px = left_px.cast<double>();
-  point.right_px = context.correction.apply(right_px.cast<double>());
+  point.left_px = left.pixel.cast<double>();
+  point.right_px = context.correction.apply(right.pixel.cast<double>());
   point.sigma_px =
-      pointSigma(context.parameters.motion, gain,
+      pointSigma(context.parameters.motion, std::max(left.noise_px, right.noise_px),
                  levelScale(earlier.features.points_left[before.left], context.parameters));
   return point;
 }
