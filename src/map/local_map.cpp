@@ -1,19 +1,15 @@
 #include "map/local_map.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "matching/patch_warp.h"
+#include "map/new_landmarks.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr auto kBoth = ResidualImages::kBoth;
-constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
-constexpr float kApartPx = 8.0F;  // between a new point and others
 
 // The window keeps to the motions that tracking found, within so many of their standard deviations.
 // They come from the same sights, which must not count twice; but tracking has seen the landmarks
@@ -57,82 +53,6 @@ template <typename Landmark>
 void countMisses(const std::vector<bool>& in_view, std::vector<Landmark>* landmarks) {
   for (std::size_t i = 0; i < landmarks->size(); ++i)
     (*landmarks)[i].sightings.missed += in_view[i] ? 1 : 0;
-}
-
-/// Where new points may be taken: the image in cells, each of which wants a number of points.
-class PointQuota {
- public:
-  PointQuota(const StereoCamera& camera, int cell_size_px, int wanted)
-      : cell_size_(static_cast<float>(cell_size_px)),
-        columns_(camera.width / cell_size_px + 1),
-        wanted_(static_cast<std::size_t>(wanted)),
-        cells_(static_cast<std::size_t>(columns_) * (camera.height / cell_size_px + 1)) {}
-
-  /// A point that is there already; it must lie in the image.
-  void occupy(const Eigen::Vector2f& pixel) { cell(pixel).push_back(pixel); }
-
-  /// Takes a pixel if its cell wants one more, and no other point is near.
-  bool take(const Eigen::Vector2f& pixel) {
-    std::vector<Eigen::Vector2f>& points = cell(pixel);
-    const auto near = [&](const Eigen::Vector2f& other) {
-      return (other - pixel).squaredNorm() < kApartPx * kApartPx;
-    };
-    if (points.size() >= wanted_ || std::any_of(points.begin(), points.end(), near)) return false;
-    points.push_back(pixel);
-    return true;
-  }
-
- private:
-  std::vector<Eigen::Vector2f>& cell(const Eigen::Vector2f& pixel) {
-    return cells_[static_cast<std::size_t>(static_cast<int>(pixel.y() / cell_size_) * columns_ +
-                                           static_cast<int>(pixel.x() / cell_size_))];
-  }
-
-  float cell_size_;
-  int columns_;
-  std::size_t wanted_;
-  std::vector<std::vector<Eigen::Vector2f>> cells_;
-};
-
-bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
-  return pixel.x() >= kHalfPatch && pixel.y() >= kHalfPatch &&
-         pixel.x() < static_cast<float>(camera.width - kHalfPatch) &&
-         pixel.y() < static_cast<float>(camera.height - kHalfPatch);
-}
-
-/// A landmark at the place and with the looks of a point of a frame at a pose.
-MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
-                   const Eigen::Isometry3d& T_map_camera) {
-  const PointFeature& feature = frame.features.points_left[stereo.left];
-  const Eigen::Matrix3d& R = T_map_camera.linear();
-  MapPoint point;
-  point.place.value = T_map_camera * stereo.triangulated.p_camera;
-  point.place.spread = R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
-  point.patch_axes = R * stereo.pixel_axes;
-  cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
-  cv::getRectSubPix(frame.left_image, patch.size(), {feature.pixel.x(), feature.pixel.y()}, patch);
-  point.left = feature.descriptor;
-  point.right = frame.features.points_right[stereo.right].descriptor;
-  return point;
-}
-
-/// The same for a triangulated line.
-MapLine makeLine(const StereoFrame& frame, const StereoLine& stereo,
-                 const Eigen::Isometry3d& T_map_camera) {
-  const TriangulatedLine& triangulated = *stereo.triangulated;
-  // Of the six eigenvalues two are zero: noise along the line is not in the covariance.
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(triangulated.covariance);
-  const LineBelief::Spread spread =
-      eigen.eigenvectors().rightCols<4>() *
-      eigen.eigenvalues().tail<4>().cwiseMax(0.0).cwiseSqrt().asDiagonal();
-  const Eigen::Matrix3d& R = T_map_camera.linear();
-  MapLine line;
-  line.place.value << T_map_camera * triangulated.start_camera,
-      T_map_camera * triangulated.end_camera;
-  line.place.spread << R * spread.topRows<3>(), R * spread.bottomRows<3>();
-  line.left = frame.features.lines_left[stereo.left].descriptor;
-  line.right = frame.features.lines_right[stereo.right].descriptor;
-  return line;
 }
 
 /// What a window has done to its keyframes: their ids, and p_map after it <- p_map before.
