@@ -9,6 +9,7 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kSide = PatchAligner::kSide;
+constexpr int kHalf = kSide / 2;
 constexpr int kPitch = PatchAligner::kPitch;
 constexpr int kArea = kSide * kSide;
 constexpr int kWide = PatchAligner::kWide;
@@ -135,7 +136,6 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
 /// Bilinear samples where a slanted patch is seen: between the rows first, then along them. False
 /// if a pixel that is read lies outside of the image.
 bool sampleSlanted(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
-  constexpr int kHalf = kSide / 2;
   constexpr int kMaxSpan = 24;  // pixels of a row, in fours: kSide * (1 + kMaxSlope) and two more
   const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
   const Eigen::Vector2f& centre = seen.pixel;
@@ -276,8 +276,8 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   for (int r = 0; r < kSide; ++r) {
     for (int c = 0; c < kPitch; ++c) {
       const float gx = gx_[r * kPitch + c] + mean_gx_;
-      by_slope[0][r * kPitch + c] = gx * static_cast<float>(c - kSide / 2);
-      by_slope[1][r * kPitch + c] = gx * static_cast<float>(r - kSide / 2);
+      by_slope[0][r * kPitch + c] = gx * static_cast<float>(c - kHalf);
+      by_slope[1][r * kPitch + c] = gx * static_cast<float>(r - kHalf);
     }
   }
   for (Patch& values : by_slope) centre(&values);
