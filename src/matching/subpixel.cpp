@@ -106,8 +106,8 @@ void sample(const Place<kRows, kColumns>& place, float* values) {
 /// lies outside of the image.
 bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
                   const Eigen::Matrix2f& source_by_target, float* values) {
-  constexpr float kHalf = 0.5F * (kWide - 1);
-  const Eigen::Vector2f extent = kHalf * source_by_target.cwiseAbs().rowwise().sum();
+  constexpr float kHalfWide = 0.5F * (kWide - 1);
+  const Eigen::Vector2f extent = kHalfWide * source_by_target.cwiseAbs().rowwise().sum();
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
@@ -117,7 +117,7 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const Eigen::Vector2f along_row = source_by_target.col(0);
   for (int r = 0; r < kWide; ++r) {
-    Eigen::Vector2f at = centre + source_by_target * Eigen::Vector2f(-kHalf, r - kHalf);
+    Eigen::Vector2f at = centre + source_by_target * Eigen::Vector2f(-kHalfWide, r - kHalfWide);
     for (int c = 0; c < kWide; ++c, at += along_row) {
       const int x = static_cast<int>(at.x());
       const int y = static_cast<int>(at.y());
