@@ -48,6 +48,7 @@ struct MotionParameters {
   double point_noise_px = 0.12;
   double line_noise_px = 0.08;
   double edge_noise_px = 0.45;
+  bool adapt_noise = true;
   double min_line_angle_deg = 5.0;
   double huber_delta = 1.5;
   double outlier_threshold = 3.0;
@@ -161,6 +162,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "standard deviation of a very long segment's end point across the line");
   visit("motion/edge_noise_px", p.motion.edge_noise_px, 0.0, 10.0, "px",
         "standard deviation of an edge pixel; adds to the noise of short segments");
+  visit(
+      "motion/adapt_noise", p.motion.adapt_noise,
+      "scale the noise of points and that of lines by what the residuals of the last frames show");
   visit("motion/min_line_angle_deg", p.motion.min_line_angle_deg, 1.0, 60.0, "deg",
         "lines nearer to the epipolar direction are not triangulated");
   visit("motion/huber_delta", p.motion.huber_delta, 0.1, 100.0, "sigma",

@@ -5,15 +5,18 @@
 
 namespace point_line_odometry {
 
-double pointSigma(const MotionParameters& parameters, double alignment_noise_px, double scale) {
-  return scale * std::hypot(parameters.point_noise_px, alignment_noise_px);
+double pointSigma(const FrameContext& context, double alignment_noise_px, double scale) {
+  const double by_parameters =
+      scale * std::hypot(context.parameters.motion.point_noise_px, alignment_noise_px);
+  return std::sqrt(context.noise.point_variance) * by_parameters;
 }
 
-double lineSigma(const MotionParameters& parameters, const LineSegment& left,
-                 const LineSegment& right) {
+double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right) {
+  const MotionParameters& motion = context.parameters.motion;
   const double length_px = std::min(left.length(), right.length());
-  return std::hypot(parameters.line_noise_px,
-                    2.0 * parameters.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
+  const double by_parameters = std::hypot(
+      motion.line_noise_px, 2.0 * motion.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
+  return std::sqrt(context.noise.line_variance) * by_parameters;
 }
 
 LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
@@ -25,7 +28,7 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
   sight.left_end_px = left.end.cast<double>();
   sight.right_start_px = context.correction.apply(right.start.cast<double>());
   sight.right_end_px = context.correction.apply(right.end.cast<double>());
-  sight.sigma_px = lineSigma(context.parameters.motion, left, right);
+  sight.sigma_px = lineSigma(context, left, right);
   return sight;
 }
 
@@ -39,8 +42,7 @@ std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vect
   PointSight sight;
   sight.left_px = left->pixel.cast<double>();
   sight.right_px = context.correction.apply(right->pixel.cast<double>());
-  sight.sigma_px =
-      pointSigma(context.parameters.motion, std::max(left->noise_px, right->noise_px), 1.0);
+  sight.sigma_px = pointSigma(context, std::max(left->noise_px, right->noise_px), 1.0);
   return sight;
 }
 

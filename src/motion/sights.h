@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "matching/patch_warp.h"
+#include "motion/noise_scale.h"
 #include "point_line_odometry/calibration_refinement.h"
 #include "point_line_odometry/matching.h"
 #include "point_line_odometry/motion.h"
@@ -11,24 +12,24 @@
 
 namespace point_line_odometry {
 
-/// What turns features of the current frame into measurements. References.
+/// What turns features of the current frame into measurements; refers to what it is made of.
 struct FrameContext {
   const StereoImages& images;
   const StereoCamera& camera;
   const RightImageCorrection& correction;  ///< of what is seen in the right image
   const Parameters& parameters;
+  NoiseScale noise = {};
 };
 
 /// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, and that of its
 /// alignment. \param scale of the pyramid level in which the point was found.
-double pointSigma(const MotionParameters& parameters, double alignment_noise_px, double scale);
+double pointSigma(const FrameContext& context, double alignment_noise_px, double scale);
 
 /// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise
 /// of the edge's pixels, of which there is about one for each pixel of length. The ends of a line
 /// fitted to n samples have twice their noise by the square root of n. Of a stereo pair the shorter
 /// segment counts.
-double lineSigma(const MotionParameters& parameters, const LineSegment& left,
-                 const LineSegment& right);
+double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right);
 
 /// A stereo line of a frame as a measurement.
 LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,

@@ -40,8 +40,7 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
     right = slanted.value_or(right);
   }
   const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
-  const double sigma_px =
-      pointSigma(context.parameters.motion, right.noise_px, levelScale(left, context.parameters));
+  const double sigma_px = pointSigma(context, right.noise_px, levelScale(left, context.parameters));
   const auto triangulated = triangulatePoint(context.camera, left.pixel.cast<double>(),
                                              corrected.x(), sigma_px, matching.min_disparity_px);
   if (!triangulated) return std::nullopt;
@@ -77,7 +76,7 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   point.left_px = left.pixel.cast<double>();
   point.right_px = context.correction.apply(right.pixel.cast<double>());
   point.sigma_px =
-      pointSigma(context.parameters.motion, std::max(left.noise_px, right.noise_px),
+      pointSigma(context, std::max(left.noise_px, right.noise_px),
                  levelScale(earlier.features.points_left[before.left], context.parameters));
   return point;
 }
@@ -103,7 +102,7 @@ void triangulateMatches(const StereoMatches& matches, const FrameContext& contex
     const LineSegment& left = features.lines_left[match.first].segment;
     const LineSegment right =
         corrected(features.lines_right[match.second].segment, context.correction);
-    const double sigma_px = lineSigma(context.parameters.motion, left, right);
+    const double sigma_px = lineSigma(context, left, right);
     frame->lines.push_back({match.first, match.second,
                             triangulateLine(context.camera, left, right, sigma_px, limits)});
   }

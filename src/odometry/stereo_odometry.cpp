@@ -91,6 +91,7 @@ class StereoOdometry::Impl {
   // State.
   TrackingState state_ = TrackingState::kInitializing;
   FrameHistory history_;
+  NoiseScale noise_;
   Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
   std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
   PoseIntegrator pose_;
@@ -129,7 +130,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
 
 void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameResult* result) {
   const RightImageCorrection correction = refinement_.correction();
-  const FrameContext context{images, camera_, correction, parameters_};
+  const FrameContext context{images, camera_, correction, parameters_, noise_};
   StereoFrame curr = makeFrame(context, &result->times);
   {
     const StageTimer timer(&result->times, Stage::kWindow);
@@ -148,6 +149,9 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
   reportPose(result);
 
   // What the next frames will need.
+  if (parameters_.motion.adapt_noise && measurement.reason == TrackingReason::kNone) {
+    noise_.learn(measurement.motion.point_residuals, measurement.motion.line_residuals);
+  }
   if (parameters_.tracking.refine_calibration) {
     const StageTimer timer(&result->times, Stage::kRefine);
     refineCalibration(curr, measurement);
@@ -373,6 +377,7 @@ void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasureme
 void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
   last_stamp_ns_.reset();
   refinement_ = CalibrationRefinement(camera_);
+  noise_ = NoiseScale();
   pose_.reset(T_odom_camera);
   output_.reset(T_odom_camera);
   state_ = TrackingState::kInitializing;
@@ -383,12 +388,14 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   camera.validate();
   camera_ = camera;
   refinement_ = CalibrationRefinement(camera);
+  noise_ = NoiseScale();
   startNewReference();
 }
 
 void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   const ParameterTexts changed = changedParameters(parameters_, checked(parameters));
   parameters_ = parameters;
+  if (!parameters.motion.adapt_noise) noise_ = NoiseScale();
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
   const auto is_of_map = [](const auto& parameter) {
@@ -422,8 +429,8 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 /// is solved before.
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
-  auto& [camera, parameters, threads, detector, refinement, state, history, T_odom_map, window,
-         pose, output, last_stamp_ns] = *this;
+  auto& [camera, parameters, threads, detector, refinement, state, history, noise, T_odom_map,
+         window, pose, output, last_stamp_ns] = *this;
   static_cast<void>(std::tie(camera, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
@@ -434,6 +441,7 @@ void StereoOdometry::Impl::visitState(Archive* archive) {
   if (has_map && !history.map) history.map.emplace(parameters.window, parameters.local_map);
   if (!has_map) history.map.reset();
   if (has_map) archive->visit(*history.map);
+  archive->visit(noise);
   archive->visit(T_odom_map);
   archive->visit(pose);
   archive->visit(output);
