@@ -25,6 +25,23 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
           correction.apply(right.end.cast<double>()).cast<float>()};
 }
 
+/// A pixel of the left image in the right one, on a surface that need not face the cameras.
+std::optional<AlignedPatch> alignStereo(const StereoImages& images, const Eigen::Vector2f& left_px,
+                                        const Eigen::Vector2f& right_px) {
+  const PatchAligner patch(images.left, left_px);
+  const auto facing = patch.align(images.right, right_px);
+  const auto slanted = patch.alignSlanted(images.right, facing ? facing->pixel : right_px);
+  if (!slanted) return facing;
+  // The next frames will look for the patch as it is seen there. Looked for in the same way, it is
+  // found at the same place: the two ways differ by hundredths of a pixel, which are no motion.
+  Eigen::Matrix2f right_by_left = Eigen::Matrix2f::Identity();
+  right_by_left.row(0) += slanted->slope.transpose();
+  const PatchAligner as_seen(images.left, left_px, right_by_left.inverse());
+  auto seen = as_seen.align(images.right, slanted->pixel);
+  if (seen) seen->slope = slanted->slope;
+  return seen;
+}
+
 /// A stereo point, or nothing if it has no disparity.
 std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const IndexPair& match,
                                        const FrameContext& context) {
@@ -32,12 +49,9 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   const MatchingParameters& matching = context.parameters.matching;
   AlignedPatch right{features.points_right[match.second].pixel};
   if (matching.refine_subpixel) {
-    const PatchAligner patch(context.images.left, left.pixel);
-    const auto facing = patch.align(context.images.right, right.pixel);
-    right = facing.value_or(right);
-    const auto slanted = patch.alignSlanted(context.images.right, right.pixel);
-    if (!facing && !slanted) return std::nullopt;
-    right = slanted.value_or(right);
+    const auto found = alignStereo(context.images, left.pixel, right.pixel);
+    if (!found) return std::nullopt;
+    right = *found;
   }
   const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
   const double sigma_px = pointSigma(context, right.noise_px, levelScale(left, context.parameters));

@@ -16,9 +16,7 @@ constexpr double kBesideSpeed = 0.1;  // [m/s] and [rad/s], of a camera that sta
 constexpr double kFadeTime_s = 0.5;     // in which an offset fades to a third of itself, if it may
 constexpr double kLongestStep_s = 0.5;  // after a gap no more is taken up at once than in this time
 constexpr double kRestTime_s = 0.5;     // after which a camera that has not moved stands
-// By which the estimate may differ from that at rest: 99.7 % of what noise alone does in six
-// dimensions (chi-square).
-constexpr double kMostNoise = 20.0;
+constexpr double kMaxSigmas = 3.0;      // by which the estimate may differ from that at rest
 constexpr double kNegligible = 1e-9;    // [m] and [rad], of an offset
 
 /// Translation and rotation from a to b, along and about the axes of odom.
@@ -58,7 +56,7 @@ Matrix6d motionNoise(const PoseIntegrator& estimate) {
 
 bool isNoise(const Vector6d& way, const Matrix6d& covariance) {
   const double squared = way.dot(covariance.ldlt().solve(way));
-  return squared >= 0.0 && squared <= kMostNoise;
+  return squared >= 0.0 && squared <= kMaxSigmas * kMaxSigmas;
 }
 
 }  // namespace
