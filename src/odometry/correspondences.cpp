@@ -29,7 +29,7 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
 std::optional<AlignedPatch> alignStereo(const StereoImages& images, const Eigen::Vector2f& left_px,
                                         const Eigen::Vector2f& right_px) {
   const PatchAligner patch(images.left, left_px);
-  const auto facing = patch.align(images.right, right_px);
+  auto facing = patch.align(images.right, right_px);
   const auto slanted = patch.alignSlanted(images.right, facing ? facing->pixel : right_px);
   if (!slanted) return facing;
   // The next frames will look for the patch as it is seen there. Looked for in the same way, it is
