@@ -434,7 +434,7 @@ TEST_P(StandstillTest, StopsStandsAndGoesOn) {
 /// landmarks noise adds up as well.
 TEST_P(StandstillTest, CreepingIsNotSwallowed) {
   const double step_m = GetParam() > 0 ? 0.0003 : 0.002;
-  const double noise_m = GetParam() > 0 ? 0.007 : 0.05;
+  const double noise_m = GetParam() > 0 ? 0.007 : 0.04;
   StereoOdometry odometry(kCamera, parameters());
   FrameResult last;
   for (int k = 0; k < 60; ++k) {

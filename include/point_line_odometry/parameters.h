@@ -162,9 +162,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "standard deviation of a very long segment's end point across the line");
   visit("motion/edge_noise_px", p.motion.edge_noise_px, 0.0, 10.0, "px",
         "standard deviation of an edge pixel; adds to the noise of short segments");
-  visit(
-      "motion/adapt_noise", p.motion.adapt_noise,
-      "scale the noise of points and that of lines by what the residuals of the last frames show");
+  visit("motion/adapt_noise", p.motion.adapt_noise,
+        "scale the noise of points and that of lines by what the residuals show; with landmarks "
+        "only");
   visit("motion/min_line_angle_deg", p.motion.min_line_angle_deg, 1.0, 60.0, "deg",
         "lines nearer to the epipolar direction are not triangulated");
   visit("motion/huber_delta", p.motion.huber_delta, 0.1, 100.0, "sigma",

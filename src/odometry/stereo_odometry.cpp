@@ -149,7 +149,8 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
   reportPose(result);
 
   // What the next frames will need.
-  if (parameters_.motion.adapt_noise && measurement.reason == TrackingReason::kNone) {
+  if (parameters_.motion.adapt_noise && history_.map &&
+      measurement.reason == TrackingReason::kNone) {
     noise_.learn(measurement.motion.point_residuals, measurement.motion.line_residuals);
   }
   if (parameters_.tracking.refine_calibration) {
