@@ -396,7 +396,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   const ParameterTexts changed = changedParameters(parameters_, checked(parameters));
   parameters_ = parameters;
-  if (!parameters.motion.adapt_noise) noise_ = NoiseScale();
+  if (!parameters.motion.adapt_noise || parameters.window.size == 0) noise_ = NoiseScale();
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
   const auto is_of_map = [](const auto& parameter) {
