@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
 #include <opencv2/core/hal/intrin.hpp>
 
 #include "point_line_odometry/matching.h"
@@ -102,12 +104,47 @@ void sample(const Place<kRows, kColumns>& place, float* values) {
   }
 }
 
+/// A pixel in the lower byte, its right neighbour in the upper one.
+std::uint32_t loadPair(const uchar* p) {
+  return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8;
+}
+
+/// Bilinear samples of four places in an image.
+cv::v_float32x4 sampleFour(const uchar* image, std::ptrdiff_t step, const cv::v_float32x4& x,
+                           const cv::v_float32x4& y) {
+  const cv::v_int32x4 left = cv::v_trunc(x);
+  const cv::v_int32x4 above = cv::v_trunc(y);
+  std::array<int, 4> columns;
+  std::array<int, 4> rows;
+  v_store(columns.data(), left);
+  v_store(rows.data(), above);
+  const auto neighbours = [&](int i) {
+    const uchar* p = image + rows[i] * step + columns[i];
+    return loadPair(p) | loadPair(p + step) << 16;
+  };
+  const cv::v_uint32x4 all(neighbours(0), neighbours(1), neighbours(2), neighbours(3));
+  const cv::v_uint32x4 byte = cv::v_setall_u32(255);
+  const auto toFloats = [](const cv::v_uint32x4& values) {
+    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(values));
+  };
+  const cv::v_float32x4 right = x - cv::v_cvt_f32(left);
+  const cv::v_float32x4 above_left = toFloats(all & byte);
+  const cv::v_float32x4 above_right = toFloats((all >> 8) & byte);
+  const cv::v_float32x4 below_left = toFloats((all >> 16) & byte);
+  const cv::v_float32x4 below_right = toFloats(all >> 24);
+  const cv::v_float32x4 upper = above_left + right * (above_right - above_left);
+  const cv::v_float32x4 lower = below_left + right * (below_right - below_left);
+  return upper + (y - cv::v_cvt_f32(above)) * (lower - upper);
+}
+
 /// Bilinear samples of a wide patch whose pixels are `source_by_target` apart. False if a corner
 /// lies outside of the image.
 bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
-                  const Eigen::Matrix2f& source_by_target, float* values) {
+                  const Eigen::Matrix2f& source_by_target, WidePatch* values) {
   constexpr float kHalfWide = 0.5F * (kWide - 1);
-  const Eigen::Vector2f extent = kHalfWide * source_by_target.cwiseAbs().rowwise().sum();
+  constexpr float kRounding = 0.001F;  // more than floats of this size are wrong by [px]
+  const Eigen::Vector2f extent =
+      (kHalfWide * source_by_target.cwiseAbs().rowwise().sum()).array() + kRounding;
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
@@ -115,19 +152,18 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
     return false;
   }
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
-  const Eigen::Vector2f along_row = source_by_target.col(0);
+  const cv::v_float32x4 x_by_column = cv::v_setall_f32(source_by_target(0, 0));
+  const cv::v_float32x4 y_by_column = cv::v_setall_f32(source_by_target(1, 0));
   for (int r = 0; r < kWide; ++r) {
-    Eigen::Vector2f at = centre + source_by_target * Eigen::Vector2f(-kHalfWide, r - kHalfWide);
-    for (int c = 0; c < kWide; ++c, at += along_row) {
-      const int x = static_cast<int>(at.x());
-      const int y = static_cast<int>(at.y());
-      const float right = at.x() - static_cast<float>(x);
-      const float below = at.y() - static_cast<float>(y);
-      const uchar* p = image.data + y * step + x;
-      const float above = static_cast<float>(p[0]) + right * static_cast<float>(p[1] - p[0]);
-      const float under =
-          static_cast<float>(p[step]) + right * static_cast<float>(p[step + 1] - p[step]);
-      *values++ = above + below * (under - above);
+    const Eigen::Vector2f middle =
+        centre + (static_cast<float>(r) - kHalfWide) * source_by_target.col(1);
+    cv::v_float32x4 column(-kHalfWide, 1.0F - kHalfWide, 2.0F - kHalfWide, 3.0F - kHalfWide);
+    for (int c = 0; c < kWide; c += 4, column = column + cv::v_setall_f32(4.0F)) {
+      // Columns beyond the last are the last one: what they leave, the next row overwrites.
+      const cv::v_float32x4 inside = cv::v_min(column, cv::v_setall_f32(kHalfWide));
+      const cv::v_float32x4 x = cv::v_setall_f32(middle.x()) + x_by_column * inside;
+      const cv::v_float32x4 y = cv::v_setall_f32(middle.y()) + y_by_column * inside;
+      v_store(values->data() + r * kWide + c, sampleFour(image.data, step, x, y));
     }
   }
   return true;
@@ -148,25 +184,29 @@ bool sampleSlanted(const cv::Mat& image, const AlignedPatch& seen, Patch* values
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const cv::v_float32x4 below = cv::v_setall_f32(centre.y() - static_cast<float>(y));
   const float along = 1.0F + seen.slope.x();
-  const cv::v_float32x4 by_column = cv::v_setall_f32(along);
-  std::array<float, kMaxSpan> row{};
+  // All rows before any is read again: what has just been written is slow to read elsewhere.
+  std::array<std::array<float, kMaxSpan>, kSide> rows{};
+  std::array<float, kSide> offsets;
   for (int r = 0; r < kSide; ++r) {
     const float begin = centre.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
     const int first = static_cast<int>(begin);
-    const float offset = begin - static_cast<float>(first);
+    offsets[r] = begin - static_cast<float>(first);
     const uchar* p = image.ptr<uchar>(y - kHalf + r) + first;
-    const int last = static_cast<int>(offset + (kSide - 1) * along) + 1;
+    const int last = static_cast<int>(offsets[r] + (kSide - 1) * along) + 1;
     for (int c = 0; c <= last; c += 4) {
       const cv::v_float32x4 above = loadFour(p + c);
-      v_store(row.data() + c, above + below * (loadFour(p + step + c) - above));
+      v_store(rows[r].data() + c, above + below * (loadFour(p + step + c) - above));
     }
+  }
+  const cv::v_float32x4 by_column = cv::v_setall_f32(along);
+  for (int r = 0; r < kSide; ++r) {
     cv::v_float32x4 column(0.0F, 1.0F, 2.0F, 3.0F);
     for (int c = 0; c < kPitch; c += 4, column = column + cv::v_setall_f32(4.0F)) {
-      const cv::v_float32x4 at = cv::v_setall_f32(offset) + by_column * column;
+      const cv::v_float32x4 at = cv::v_setall_f32(offsets[r]) + by_column * column;
       const cv::v_int32x4 left = cv::v_trunc(at);
       cv::v_float32x4 here;
       cv::v_float32x4 right;
-      cv::v_lut_deinterleave(row.data(), left, here, right);
+      cv::v_lut_deinterleave(rows[r].data(), left, here, right);
       v_store(values->data() + r * kPitch + c, here + (at - cv::v_cvt_f32(left)) * (right - here));
     }
     (*values)[r * kPitch + kSide] = 0.0F;
@@ -181,18 +221,26 @@ float dot(const Patch& a, const Patch& b) {
   for (int r = 0; r < kSide; ++r) {
     for (int c = 0; c < kPitch; ++c) sums[c] += a[r * kPitch + c] * b[r * kPitch + c];
   }
-  float sum = 0.0F;
-  for (const float column : sums) sum += column;
-  return sum;
+  for (int c = 0; c < 4; ++c) sums[c] += sums[c + 4] + sums[c + 8];
+  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+/// The same of several patches with one.
+template <std::size_t kCount>
+Eigen::Matrix<float, static_cast<int>(kCount), 1> dots(
+    const std::array<const Patch*, kCount>& several, const Patch& values) {
+  Eigen::Matrix<float, static_cast<int>(kCount), 1> products;
+  for (std::size_t i = 0; i < kCount; ++i) products[static_cast<int>(i)] = dot(*several[i], values);
+  return products;
 }
 
 /// Makes the mean of the patch zero, and its last column. Returns what the mean was.
 float centre(Patch* values) {
-  float sum = 0.0F;
+  std::array<float, kPitch> sums{};
   for (int r = 0; r < kSide; ++r) {
-    for (int c = 0; c < kSide; ++c) sum += (*values)[r * kPitch + c];
+    for (int c = 0; c < kPitch; ++c) sums[c] += (*values)[r * kPitch + c];
   }
-  const float mean = sum / kArea;
+  const float mean = std::accumulate(sums.begin(), sums.begin() + kSide, 0.0F) / kArea;
   for (float& value : *values) value -= mean;
   for (int r = 0; r < kSide; ++r) (*values)[r * kPitch + kSide] = 0.0F;
   return mean;
@@ -211,7 +259,7 @@ PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel) {
 PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
                            const Eigen::Matrix2f& source_by_target) {
   WidePatch wide{};
-  if (!sampleWarped(image, pixel, source_by_target, wide.data())) return;
+  if (!sampleWarped(image, pixel, source_by_target, &wide)) return;
   prepare(wide);
 }
 
@@ -227,10 +275,9 @@ void PatchAligner::prepare(const WidePatch& wide) {
   centre(&brightness_);
   mean_gx_ = centre(&gx_);
   centre(&gy_);
-  at_brightness_ = {dot(gx_, brightness_), dot(gy_, brightness_)};
-  const float xy = dot(gx_, gy_);
+  at_brightness_ = dots<2>({&gx_, &gy_}, brightness_);
   Eigen::Matrix2f hessian;
-  hessian << dot(gx_, gx_), xy, xy, dot(gy_, gy_);
+  hessian << dots<2>({&gx_, &gy_}, gx_), dots<2>({&gx_, &gy_}, gy_);
   const float trace = hessian.trace();
   usable_ = hessian.determinant() > 1e-3F * trace * trace && trace > kArea;
   if (usable_) inverse_hessian_ = hessian.inverse();
@@ -246,7 +293,7 @@ std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
     if (!place.valid) return std::nullopt;
     sample(place, values.data());
     // The gradients have no mean: that of the brightness drops out of the products.
-    const Eigen::Vector2f b = Eigen::Vector2f(dot(gx_, values), dot(gy_, values)) - at_brightness_;
+    const Eigen::Vector2f b = dots<2>({&gx_, &gy_}, values) - at_brightness_;
     const Eigen::Vector2f step = inverse_hessian_ * b;
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
@@ -283,12 +330,9 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   for (Patch& values : by_slope) centre(&values);
   const std::array<const Patch*, 4> by{&gx_, &gy_, by_slope.data(), &by_slope[1]};
   constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
+  const Eigen::Vector4f at_brightness = dots(by, brightness_);
   Eigen::Matrix4f hessian;
-  Eigen::Vector4f at_brightness;
-  for (int i = 0; i < 4; ++i) {
-    for (int k = 0; k <= i; ++k) hessian(i, k) = hessian(k, i) = dot(*by[i], *by[k]);
-    at_brightness[i] = dot(*by[i], brightness_);
-  }
+  for (int i = 0; i < 4; ++i) hessian.col(i) = dots(by, *by[i]);
   hessian(2, 2) += kPrior;
   hessian(3, 3) += kPrior;
   const Eigen::Matrix4f inverse_hessian = hessian.inverse();
@@ -297,9 +341,7 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   Patch values;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!sampleSlanted(target, seen, &values)) return std::nullopt;
-    Eigen::Vector4f b;
-    for (int i = 0; i < 4; ++i) b[i] = dot(*by[i], values);
-    b -= at_brightness;
+    Eigen::Vector4f b = dots(by, values) - at_brightness;
     b.tail<2>() += kPrior * seen.slope;
     const Eigen::Vector4f step = inverse_hessian * b;
     // The patch as seen before, after the inverse of the step.
