@@ -161,7 +161,7 @@ class PatchAligner {
   static constexpr int kPitch = 12;        ///< of rows in memory: the last column is not used
   static constexpr int kWide = kSide + 2;  ///< with what the gradients of the border need
   using Patch = std::array<float, kSide * kPitch>;
-  using WidePatch = std::array<float, kWide * kWide + 3>;  ///< vectors of four may reach beyond it
+  using WidePatch = std::array<float, kWide * kWide>;
 
   /// \param image CV_8UC1. \param pixel centre of the patch.
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel);

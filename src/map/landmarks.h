@@ -79,7 +79,7 @@ struct Sightings {
 
 /// A corner: its place in the map, and what it looks like.
 struct MapPoint {
-  static constexpr int kPatchSide = 21;
+  static constexpr int kPatchSide = 23;
 
   std::uint64_t id = 0;
   PointBelief place;  ///< in the map [m]

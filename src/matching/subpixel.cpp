@@ -15,8 +15,10 @@ constexpr int kHalf = kSide / 2;
 constexpr int kPitch = PatchAligner::kPitch;
 constexpr int kArea = kSide * kSide;
 constexpr int kWide = PatchAligner::kWide;
+constexpr int kWider = kWide + 2;
+constexpr int kWiderPitch = kWider + 1;
 constexpr int kMaxIterations = 8;
-constexpr float kConvergedPx = 0.01F;
+constexpr float kConvergedPx = 0.02F;   // size of the last step: what is left is far smaller
 constexpr float kMaxShiftPx = 2.5F;     // from the initial place
 constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [grey levels]
 constexpr float kLeastResidual = 1.0F;  // no camera explains its brightness better
@@ -24,7 +26,7 @@ constexpr float kLeastResidual = 1.0F;  // no camera explains its brightness bet
 // Slopes are taken to be about zero where the patch does not show them: so much, for a brightness
 // that is known so well [grey levels]. A patch that slopes do not explain so well shows more than
 // one surface.
-constexpr float kSlopeDeviation = 0.05F;
+constexpr float kSlopeDeviation = 0.2F;
 constexpr float kSlopeNoise = 5.0F;
 constexpr float kMaxSlope = 0.7F;
 constexpr float kMaxSlantedResidual = 8.0F;  // RMS, as above
@@ -32,28 +34,28 @@ constexpr float kMaxSlantedResidual = 8.0F;  // RMS, as above
 using Patch = PatchAligner::Patch;
 using WidePatch = PatchAligner::WidePatch;
 
-/// Where a patch lies between the pixels; valid if all pixels that sample() reads lie in the image.
-template <int kRows, int kColumns>
+/// Pixels round a place in an image, and where it lies between them.
 struct Place {
   const uchar* origin = nullptr;  // top-left pixel
   std::ptrdiff_t step = 0;
-  float right = 0.0F;  // weight of the right neighbour
+  float right = 0.0F;  // share of the way to the right neighbour
   float below = 0.0F;
-  bool valid = false;
+  bool valid = false;  // all pixels lie in the image
 
-  Place(const cv::Mat& image, const Eigen::Vector2f& centre) {
-    constexpr int kBefore = kRows / 2;
+  /// \param before pixels to the left of the place and above it.
+  Place(const cv::Mat& image, const Eigen::Vector2f& centre, int before, int rows, int columns) {
     // In floats: no int holds NaN or a huge place.
-    valid = centre.x() >= kBefore && centre.y() >= kBefore &&
-            centre.x() - kBefore + kColumns < static_cast<float>(image.cols) &&
-            centre.y() - kBefore + kRows < static_cast<float>(image.rows);
+    const auto begin = static_cast<float>(before);
+    valid = centre.x() >= begin && centre.y() >= begin &&
+            centre.x() < static_cast<float>(image.cols - columns + before + 1) &&
+            centre.y() < static_cast<float>(image.rows - rows + before + 1);
     if (!valid) return;
     const int x = static_cast<int>(centre.x());
     const int y = static_cast<int>(centre.y());
     right = centre.x() - static_cast<float>(x);
     below = centre.y() - static_cast<float>(y);
     step = static_cast<std::ptrdiff_t>(image.step1());
-    origin = image.ptr<uchar>(y - kBefore) + (x - kBefore);
+    origin = image.ptr<uchar>(y - before) + (x - before);
   }
 };
 
@@ -61,47 +63,53 @@ cv::v_float32x4 loadFour(const uchar* p) {
   return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(p)));
 }
 
-/// Pixels of one row.
-template <int kColumns>
-std::array<float, kColumns> loadRow(const uchar* p) {
-  constexpr int kInFours = kColumns / 4 * 4;
-  std::array<float, kColumns> row;
-  for (int c = 0; c < kInFours; c += 4) v_store(row.data() + c, loadFour(p + c));
-  for (int c = kInFours; c < kColumns; ++c) row[c] = p[c];
-  return row;
+// A bilinear sample is a mean of pixels: at a share f of the way from one to the next it is blurred
+// with a variance of f (1 - f) px^2. Patches that are compared lie anywhere between the pixels, and
+// one that is sharper than another looks as if it were narrower, and its corners elsewhere. So all
+// are blurred as much as samples are on the average of all places: with 1/6 px^2 along either axis.
+
+constexpr float kMeanBlur = 1.0F / 12.0F;  // weight of either neighbour: half the variance
+
+/// Weight of either neighbour for a bilinear sample at a share of the way: negative where it is too
+/// blurred itself.
+cv::v_float32x4 blurAt(const cv::v_float32x4& share) {
+  return cv::v_setall_f32(kMeanBlur) +
+         cv::v_setall_f32(0.5F) * share * (share - cv::v_setall_f32(1.0F));
 }
 
-/// Samples between the pixels of one row.
-template <int kColumns>
-std::array<float, kColumns> sampleRow(const uchar* p, float right) {
-  const cv::v_float32x4 weight_right = cv::v_setall_f32(right);
-  const cv::v_float32x4 weight_here = cv::v_setall_f32(1.0F - right);
-  constexpr int kInFours = kColumns / 4 * 4;
-  std::array<float, kColumns> row;
-  for (int c = 0; c < kInFours; c += 4) {
-    v_store(row.data() + c, loadFour(p + c) * weight_here + loadFour(p + c + 1) * weight_right);
-  }
-  for (int c = kInFours; c < kColumns; ++c) row[c] = (1.0F - right) * p[c] + right * p[c + 1];
-  return row;
+/// Weights of four pixels for the sample between the second and the third.
+std::array<cv::v_float32x4, 4> weightsAt(float share) {
+  const float blur = kMeanBlur - 0.5F * share * (1.0F - share);
+  const float here = 1.0F - 2.0F * blur;
+  return {cv::v_setall_f32(blur * (1.0F - share)),
+          cv::v_setall_f32(here * (1.0F - share) + blur * share),
+          cv::v_setall_f32(here * share + blur * (1.0F - share)), cv::v_setall_f32(blur * share)};
 }
 
-/// Bilinear samples, kRows rows of kColumns: along the rows first, then between them.
-template <int kRows, int kColumns>
-void sample(const Place<kRows, kColumns>& place, float* values) {
-  if (place.right == 0.0F && place.below == 0.0F) {  // corners lie on pixels
-    for (int r = 0; r < kRows; ++r, values += kColumns) {
-      const std::array<float, kColumns> row = loadRow<kColumns>(place.origin + r * place.step);
-      std::copy(row.begin(), row.end(), values);
+/// Samples of a patch between the pixels: along the rows first, then between them. False if a pixel
+/// that is read lies outside of the image.
+bool sample(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* values) {
+  constexpr int kRows = kSide + 3;
+  const Place place(image, centre, kHalf + 1, kRows, kPitch + 3);
+  if (!place.valid) return false;
+  const auto along = weightsAt(place.right);
+  const auto across = weightsAt(place.below);
+  std::array<float, kRows * kPitch> rows;
+  for (int r = 0; r < kRows; ++r) {
+    for (int c = 0; c < kPitch; c += 4) {
+      const uchar* p = place.origin + r * place.step + c;
+      v_store(rows.data() + r * kPitch + c, along[0] * loadFour(p) + along[1] * loadFour(p + 1) +
+                                                along[2] * loadFour(p + 2) +
+                                                along[3] * loadFour(p + 3));
     }
-    return;
   }
-  std::array<float, kColumns> above = sampleRow<kColumns>(place.origin, place.right);
-  for (int r = 0; r < kRows; ++r, values += kColumns) {
-    const std::array<float, kColumns> below =
-        sampleRow<kColumns>(place.origin + (r + 1) * place.step, place.right);
-    for (int c = 0; c < kColumns; ++c) values[c] = above[c] + place.below * (below[c] - above[c]);
-    above = below;
+  for (int i = 0; i < kSide * kPitch; i += 4) {
+    const float* p = rows.data() + i;
+    v_store(values->data() + i, across[0] * cv::v_load(p) + across[1] * cv::v_load(p + kPitch) +
+                                    across[2] * cv::v_load(p + 2 * kPitch) +
+                                    across[3] * cv::v_load(p + 3 * kPitch));
   }
+  return true;
 }
 
 /// A pixel in the lower byte, its right neighbour in the upper one.
@@ -109,11 +117,10 @@ std::uint32_t loadPair(const uchar* p) {
   return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8;
 }
 
-/// Bilinear samples of four places in an image.
-cv::v_float32x4 sampleFour(const uchar* image, std::ptrdiff_t step, const cv::v_float32x4& x,
-                           const cv::v_float32x4& y) {
-  const cv::v_int32x4 left = cv::v_trunc(x);
-  const cv::v_int32x4 above = cv::v_trunc(y);
+/// Bilinear samples of four places in an image, whose pixels to the upper left are given, too.
+cv::v_float32x4 sampleFour(const uchar* image, std::ptrdiff_t step, const cv::v_int32x4& left,
+                           const cv::v_int32x4& above, const cv::v_float32x4& right,
+                           const cv::v_float32x4& below) {
   std::array<int, 4> columns;
   std::array<int, 4> rows;
   v_store(columns.data(), left);
@@ -127,24 +134,69 @@ cv::v_float32x4 sampleFour(const uchar* image, std::ptrdiff_t step, const cv::v_
   const auto toFloats = [](const cv::v_uint32x4& values) {
     return cv::v_cvt_f32(cv::v_reinterpret_as_s32(values));
   };
-  const cv::v_float32x4 right = x - cv::v_cvt_f32(left);
   const cv::v_float32x4 above_left = toFloats(all & byte);
   const cv::v_float32x4 above_right = toFloats((all >> 8) & byte);
   const cv::v_float32x4 below_left = toFloats((all >> 16) & byte);
   const cv::v_float32x4 below_right = toFloats(all >> 24);
   const cv::v_float32x4 upper = above_left + right * (above_right - above_left);
   const cv::v_float32x4 lower = below_left + right * (below_right - below_left);
-  return upper + (y - cv::v_cvt_f32(above)) * (lower - upper);
+  return upper + below * (lower - upper);
 }
 
-/// Bilinear samples of a wide patch whose pixels are `source_by_target` apart. False if a corner
-/// lies outside of the image.
+/// Bilinear samples of a patch with a border of one pixel, and by how much to blur them.
+struct Samples {
+  using Values = std::array<float, kWider * kWiderPitch>;
+  Values brightness;
+  Values blur_x;  // weight of either neighbour in the row; negative where it is too blurred
+  Values blur_y;
+
+  WidePatch toWidePatch() const {
+    std::array<float, kWider * kWide> rows;  // blurred along them
+    for (int r = 0; r < kWider; ++r) {
+      const float* here = brightness.data() + r * kWiderPitch + 1;
+      const float* weight = blur_x.data() + r * kWiderPitch + 1;
+      for (int c = 0; c < kWide; ++c) {
+        rows[r * kWide + c] =
+            here[c] + weight[c] * ((here[c - 1] - here[c]) + (here[c + 1] - here[c]));
+      }
+    }
+    WidePatch wide;
+    for (int r = 0; r < kWide; ++r) {
+      const float* here = rows.data() + (r + 1) * kWide;
+      const float* weight = blur_y.data() + (r + 1) * kWiderPitch + 1;
+      for (int c = 0; c < kWide; ++c) {
+        wide[r * kWide + c] =
+            here[c] + weight[c] * ((here[c - kWide] - here[c]) + (here[c + kWide] - here[c]));
+      }
+    }
+    return wide;
+  }
+};
+
+/// Samples of a patch round a pixel, which corners are. False if it is none, or too near to the
+/// image's border.
+bool sampleOnPixels(const cv::Mat& image, const Eigen::Vector2f& pixel, Samples* samples) {
+  const Place place(image, pixel, kWider / 2, kWider, kWiderPitch);
+  if (!place.valid || place.right != 0.0F || place.below != 0.0F) return false;
+  for (int r = 0; r < kWider; ++r) {
+    for (int c = 0; c < kWiderPitch; c += 4) {
+      v_store(samples->brightness.data() + r * kWiderPitch + c,
+              loadFour(place.origin + r * place.step + c));
+    }
+  }
+  samples->blur_x.fill(kMeanBlur);
+  samples->blur_y.fill(kMeanBlur);
+  return true;
+}
+
+/// Samples of a patch whose pixels are `source_by_target` apart. False if a corner lies outside of
+/// the image.
 bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
-                  const Eigen::Matrix2f& source_by_target, WidePatch* values) {
-  constexpr float kHalfWide = 0.5F * (kWide - 1);
+                  const Eigen::Matrix2f& source_by_target, Samples* samples) {
+  constexpr float kHalfWider = 0.5F * (kWider - 1);
   constexpr float kRounding = 0.001F;  // more than floats of this size are wrong by [px]
   const Eigen::Vector2f extent =
-      (kHalfWide * source_by_target.cwiseAbs().rowwise().sum()).array() + kRounding;
+      (kHalfWider * source_by_target.cwiseAbs().rowwise().sum()).array() + kRounding;
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
@@ -154,16 +206,23 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const cv::v_float32x4 x_by_column = cv::v_setall_f32(source_by_target(0, 0));
   const cv::v_float32x4 y_by_column = cv::v_setall_f32(source_by_target(1, 0));
-  for (int r = 0; r < kWide; ++r) {
+  for (int r = 0; r < kWider; ++r) {
     const Eigen::Vector2f middle =
-        centre + (static_cast<float>(r) - kHalfWide) * source_by_target.col(1);
-    cv::v_float32x4 column(-kHalfWide, 1.0F - kHalfWide, 2.0F - kHalfWide, 3.0F - kHalfWide);
-    for (int c = 0; c < kWide; c += 4, column = column + cv::v_setall_f32(4.0F)) {
-      // Columns beyond the last are the last one: what they leave, the next row overwrites.
-      const cv::v_float32x4 inside = cv::v_min(column, cv::v_setall_f32(kHalfWide));
+        centre + (static_cast<float>(r) - kHalfWider) * source_by_target.col(1);
+    cv::v_float32x4 column(-kHalfWider, 1.0F - kHalfWider, 2.0F - kHalfWider, 3.0F - kHalfWider);
+    for (int c = 0; c < kWiderPitch; c += 4, column = column + cv::v_setall_f32(4.0F)) {
+      const cv::v_float32x4 inside = cv::v_min(column, cv::v_setall_f32(kHalfWider));
       const cv::v_float32x4 x = cv::v_setall_f32(middle.x()) + x_by_column * inside;
       const cv::v_float32x4 y = cv::v_setall_f32(middle.y()) + y_by_column * inside;
-      v_store(values->data() + r * kWide + c, sampleFour(image.data, step, x, y));
+      const cv::v_int32x4 left = cv::v_trunc(x);
+      const cv::v_int32x4 above = cv::v_trunc(y);
+      const cv::v_float32x4 right = x - cv::v_cvt_f32(left);
+      const cv::v_float32x4 below = y - cv::v_cvt_f32(above);
+      const int i = r * kWiderPitch + c;
+      v_store(samples->brightness.data() + i,
+              sampleFour(image.data, step, left, above, right, below));
+      v_store(samples->blur_x.data() + i, blurAt(right));
+      v_store(samples->blur_y.data() + i, blurAt(below));
     }
   }
   return true;
@@ -249,18 +308,18 @@ float centre(Patch* values) {
 }  // namespace
 
 PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel) {
-  const Place<kWide, kWide> place(image, pixel);
-  if (!place.valid) return;
-  WidePatch wide{};
-  sample(place, wide.data());
-  prepare(wide);
+  Samples samples;
+  if (!sampleOnPixels(image, pixel, &samples) &&
+      !sampleWarped(image, pixel, Eigen::Matrix2f::Identity(), &samples)) {
+    return;
+  }
+  prepare(samples.toWidePatch());
 }
 
 PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
                            const Eigen::Matrix2f& source_by_target) {
-  WidePatch wide{};
-  if (!sampleWarped(image, pixel, source_by_target, &wide)) return;
-  prepare(wide);
+  Samples samples;
+  if (sampleWarped(image, pixel, source_by_target, &samples)) prepare(samples.toWidePatch());
 }
 
 void PatchAligner::prepare(const WidePatch& wide) {
@@ -289,9 +348,7 @@ std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
   Eigen::Vector2f pixel = initial_px;
   Patch values;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Place<kSide, kPitch> place(target, pixel);
-    if (!place.valid) return std::nullopt;
-    sample(place, values.data());
+    if (!sample(target, pixel, &values)) return std::nullopt;
     // The gradients have no mean: that of the brightness drops out of the products.
     const Eigen::Vector2f b = dots<2>({&gx_, &gy_}, values) - at_brightness_;
     const Eigen::Vector2f step = inverse_hessian_ * b;
