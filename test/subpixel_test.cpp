@@ -71,6 +71,44 @@ TEST(AlignSlanted, FindsPlaceAndSlopes) {
   }
 }
 
+/// A bright sector whose tip is the middle of the image and a shift, blurred by a lens.
+cv::Mat corner(const Vector2f& shift) {
+  const auto behind = [](double distance_px) { return 0.5 * std::erfc(-distance_px / 0.85); };
+  cv::Mat image(kSize, kSize, CV_8UC1);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      const Vector2f p = Vector2f(x, y) - kMiddle - shift;
+      const double sector =
+          behind(0.94 * p.x() - 0.34 * p.y()) * behind(0.26 * p.x() + 0.97 * p.y());
+      image.at<uchar>(y, x) = cv::saturate_cast<uchar>(60.0 + 110.0 * sector);
+    }
+  }
+  return image;
+}
+
+/// Samples between pixels are less sharp than pixels, which must look neither like a displacement
+/// nor like a slope: on the average of all places these are 0.02 px and 0.05 otherwise.
+TEST(AlignPatch, CornersLieWhereTheyAreBetweenThePixels) {
+  const PatchAligner patch(corner({0.0F, 0.0F}), kMiddle);
+  Vector2f errors = Vector2f::Zero();
+  float slopes = 0.0F;
+  constexpr int kShifts = 20;
+  for (int i = 0; i < kShifts; ++i) {
+    const Vector2f shift(0.05F * i, 0.05F * (7 * i % kShifts));
+    const Vector2f truth = kMiddle + shift;
+    const auto found = patch.align(corner(shift), truth + Vector2f(0.3F, -0.2F));
+    ASSERT_TRUE(found) << shift.transpose();
+    EXPECT_LT((found->pixel - truth).norm(), 0.04F) << shift.transpose();
+    errors += found->pixel - truth;
+    const cv::Mat right = corner({shift.x(), 0.0F});
+    const auto slanted = patch.alignSlanted(right, kMiddle + Vector2f(shift.x() + 0.3F, 0.0F));
+    ASSERT_TRUE(slanted) << shift.transpose();
+    slopes += slanted->slope.x();
+  }
+  EXPECT_LT((errors / kShifts).norm(), 0.006F);
+  EXPECT_LT(std::abs(slopes / kShifts), 0.02F);
+}
+
 TEST(AlignSlanted, RefusesTwoSurfaces) {
   cv::Mat target = waves({0.0F, 0.0F});
   const cv::Mat nearer = waves({3.0F, 0.0F});
