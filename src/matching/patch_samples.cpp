@@ -57,11 +57,12 @@ cv::v_float32x4 blurAt(const cv::v_float32x4& share) {
 
 /// Weights of four pixels for the sample between the second and the third.
 std::array<cv::v_float32x4, 4> weightsAt(float share) {
-  const float blur = kMeanBlur - 0.5F * share * (1.0F - share);
-  const float here = 1.0F - 2.0F * blur;
-  return {cv::v_setall_f32(blur * (1.0F - share)),
-          cv::v_setall_f32(here * (1.0F - share) + blur * share),
-          cv::v_setall_f32(here * share + blur * (1.0F - share)), cv::v_setall_f32(blur * share)};
+  const cv::v_float32x4 one = cv::v_setall_f32(1.0F);
+  const cv::v_float32x4 right = cv::v_setall_f32(share);
+  const cv::v_float32x4 left = one - right;
+  const cv::v_float32x4 blur = blurAt(right);
+  const cv::v_float32x4 here = one - (blur + blur);
+  return {blur * left, here * left + blur * right, here * right + blur * left, blur * right};
 }
 
 /// A pixel in the lower byte, its right neighbour in the upper one.
@@ -207,8 +208,8 @@ bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* val
 }
 
 bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
-  constexpr int kMaxSpan =
-      24;  // pixels of a row, in fours: kSide * (1 + kMaxPatchSlope) and two more
+  // Pixels of a row, in fours: kSide * (1 + kMaxPatchSlope) and two more.
+  constexpr int kMaxSpan = 24;
   const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
   const Eigen::Vector2f& centre = seen.pixel;
   if (!(centre.x() >= extent && centre.y() >= kHalf &&

@@ -86,7 +86,8 @@ void PatchAligner::prepare(const WidePatch& wide) {
   centre(&gy_);
   at_brightness_ = dots<2>({&gx_, &gy_}, brightness_);
   Eigen::Matrix2f hessian;
-  hessian << dots<2>({&gx_, &gy_}, gx_), dots<2>({&gx_, &gy_}, gy_);
+  const float xy = dot(gx_, gy_);
+  hessian << dot(gx_, gx_), xy, xy, dot(gy_, gy_);
   const float trace = hessian.trace();
   usable_ = hessian.determinant() > 1e-3F * trace * trace && trace > kArea;
   if (usable_) inverse_hessian_ = hessian.inverse();
@@ -139,7 +140,9 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
   const Eigen::Vector4f at_brightness = dots(by, brightness_);
   Eigen::Matrix4f hessian;
-  for (int i = 0; i < 4; ++i) hessian.col(i) = dots(by, *by[i]);
+  for (int i = 0; i < 4; ++i) {
+    for (int k = 0; k <= i; ++k) hessian(i, k) = hessian(k, i) = dot(*by[i], *by[k]);
+  }
   hessian(2, 2) += kPrior;
   hessian(3, 3) += kPrior;
   const Eigen::Matrix4f inverse_hessian = hessian.inverse();
