@@ -6,13 +6,9 @@
 #include <string>
 #include <vector>
 
-namespace point_line_odometry {
+#include "common/join.h"
 
-inline std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string joined;
-  for (const std::string& word : words) joined += (joined.empty() ? "" : separator) + word;
-  return joined;
-}
+namespace point_line_odometry {
 
 /// Visitor of a parameter table that collects one sentence for each value that is not allowed.
 struct ParameterChecker {

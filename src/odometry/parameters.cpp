@@ -9,6 +9,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "common/join.h"
 #include "dataset/classic_stream.h"
 #include "odometry/parameter_checker.h"
 

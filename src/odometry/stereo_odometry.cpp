@@ -7,10 +7,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/join.h"
 #include "map/bundle_adjustment.h"
 #include "odometry/correspondences.h"
 #include "odometry/motion_measurement.h"
-#include "odometry/parameter_checker.h"
 #include "odometry/stage_timer.h"
 #include "odometry/state_archive.h"
 #include "odometry/steady_pose.h"

@@ -7,6 +7,8 @@
 #include <chrono>
 #include <exception>
 
+#include "ros/doctor_judgement.h"
+
 namespace point_line_odometry {
 namespace {
 

@@ -11,7 +11,7 @@
 
 #include "point_line_odometry/pair_check.h"
 #include "point_line_odometry/rectification.h"
-#include "ros/doctor_report.h"
+#include "ros/doctor_judgement.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_input.h"
 

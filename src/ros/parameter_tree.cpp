@@ -5,7 +5,7 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "odometry/parameter_checker.h"
+#include "common/join.h"
 
 namespace point_line_odometry {
 namespace {

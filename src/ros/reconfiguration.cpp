@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "odometry/parameter_checker.h"
+#include "common/join.h"
 #include "ros/parameter_tree.h"
 
 namespace point_line_odometry {

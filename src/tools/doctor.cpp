@@ -15,6 +15,7 @@
 #include <string>
 
 #include "ros/doctor_examination.h"
+#include "ros/doctor_judgement.h"
 #include "ros/stereo_subscriber.h"
 #include "tools/command_line.h"
 #include "tools/doctor_bag.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "odometry/parameter_checker.h"
+#include "common/join.h"
 #include "point_line_odometry/input_error.h"
 #include "point_line_odometry/parameters.h"
 

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/join.h"
 #include "odometry/parameter_checker.h"
 #include "point_line_odometry/synthetic_world.h"
 #include "tools/parameter_text.h"

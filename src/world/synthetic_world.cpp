@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "common/join.h"
 #include "odometry/parameter_checker.h"
 #include "world/random.h"
 #include "world/renderer.h"
