@@ -28,10 +28,10 @@ namespace {
 constexpr double kMaxCorrectionSigmas = 3.0;
 
 // Errors of successive motions are alike, as they come from the same features: so many times a
-// motion's covariance is handed on to the next poses, from frame to frame; and of a motion against
-// the map, times the share of landmarks that are new. Measured in the built-in worlds (NEES).
-constexpr double kLastingDirect = 7.0;
-constexpr double kLastingOfNew = 14.0;
+// motion's covariance is handed on to the next poses, times the root of the share of what is seen
+// that is new: all of it from frame to frame, a part of the landmarks of a map. Measured in the
+// built-in worlds (NEES).
+constexpr double kLasting = 7.0;
 
 Parameters checked(const Parameters& parameters) {
   const std::vector<std::string> errors = checkParameters(parameters);
@@ -217,7 +217,7 @@ MotionStep StereoOdometry::Impl::stepOf(const MotionMeasurement& measurement) co
   MotionStep step;
   step.T_reference_camera = step.T_measured = measurement.motion.T_curr_prev.inverse();
   step.covariance = measurement.motion.covariance;
-  step.lasting = kLastingDirect;
+  step.lasting = kLasting;
   if (!history_.map) return step;
   Matrix6d limit = measurement.direct.ok() ? measurement.direct.covariance : step.covariance;
   limit.diagonal().head<3>().array() +=
@@ -227,10 +227,10 @@ MotionStep StereoOdometry::Impl::stepOf(const MotionMeasurement& measurement) co
   step.T_reference_camera =
       limitedStep(step.T_measured, pose_.T_odom_reference().inverse() * T_odom_camera, limit,
                   kMaxCorrectionSigmas);
-  step.lasting = kLastingOfNew * history_.map->shareOfNew();
+  const double share_of_new = history_.map->shareOfNew();
+  step.lasting *= std::sqrt(share_of_new);
   // Landmarks that the reference brought lie where it saw them, others do not share its error.
-  step.reference_covariance =
-      (1.0 - history_.map->shareOfNew()) * history_.map->referenceCovariance();
+  step.reference_covariance = (1.0 - share_of_new) * history_.map->referenceCovariance();
   return step;
 }
 
