@@ -256,11 +256,11 @@ class Listener:
             rospy.Subscriber(namespace + "/odom", Odometry, self.odometry.append),
             rospy.Subscriber(namespace + "/info", OdometryInfo, self.infos.append)]
 
-    def wait_for_connections(self, count):
-        """Waits until so many odometries, 0 or 1, are heard on each topic."""
-        if not wait_until(lambda: all(subscriber.get_num_connections() == count
+    def wait_for_connection(self):
+        """Waits until an odometry is heard on each topic."""
+        if not wait_until(lambda: all(subscriber.get_num_connections() == 1
                                       for subscriber in self.subscribers)):
-            raise RuntimeError(f"the listener never had {count} connections")
+            raise RuntimeError("the listener hears no odometry")
 
     def wait_for(self, count, timeout_s=START_UP_S):
         """True once so many more odometry messages have come."""
@@ -286,8 +286,8 @@ class Listener:
         return rows
 
     def close(self):
-        for subscriber in self.subscribers:
-            subscriber.unregister()
+        while self.subscribers:
+            self.subscribers.pop().unregister()
 
 
 def call_trigger(service):

@@ -182,22 +182,22 @@ class LifecycleTest(RosTest):
         frames = 25
         bag = self.write_bag("replay", frames)
         manager = self.start_manager_in_simulated_time()
-        listener = self.listen("/stereo")
 
         def replay(done, *options):
-            listener.wait_for_connections(0)  # none to the last one
+            # A new one each time: rospy may take long to see that the last odometry is gone.
+            listener = self.listen("/stereo")
             manager.load_odometry("/stereo/odometry", {"queue_size": 100})
-            listener.wait_for_connections(1)
-            listener.clear()
-            self.play(bag, *options, done=done)
+            listener.wait_for_connection()
+            self.play(bag, *options, done=done and (lambda: done(listener)))
             listener.quiet()
             manager.unload("/stereo/odometry")
+            listener.close()
             last = listener.infos[-1]
             self.assertEqual(last.frames_dropped + last.frames_rejected + last.exceptions, 0,
                              manager.log()[-3000:])
             return listener.poses()
 
-        def pause_and_end():
+        def pause_and_end(_):
             for seconds, pause in ((1.0, False), (0.5, True), (2.0, False)):  # it begins paused
                 time.sleep(seconds)
                 rospy.ServiceProxy("/player/pause_playback", SetBool)(pause)
@@ -208,8 +208,11 @@ class LifecycleTest(RosTest):
         self.assertLess(math.dist(once[-1][1:4], expected), 0.1)
         self.assertEqual(replay(None, "-r", "0.2"), once)
         self.assertEqual(replay(pause_and_end, "-r", "2", "--pause"), once)
-        looped = replay(lambda: wait_until(lambda: len(listener.odometry) >= 4 * frames),
-                        "-r", "5", "-l")
+
+        def loop_four_times(listener):
+            wait_until(lambda: len(listener.odometry) >= 4 * frames)
+
+        looped = replay(loop_four_times, "-r", "5", "-l")
         self.assertEqual(looped[:frames - 2], once[:frames - 2])
         begins = [i for i in range(1, len(looped)) if looped[i][0] <= looped[i - 1][0]]
         self.assertGreaterEqual(len(begins), 3)
