@@ -1,5 +1,7 @@
 /// The lines of the start-up report: each is fine with healthy facts and fails with its faults.
 
+#include "ros/doctor_report.h"
+
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
@@ -13,7 +15,6 @@
 #include "ros/conversions.h"
 #include "ros/doctor_examination.h"
 #include "ros/doctor_judgement.h"
-#include "ros/doctor_report.h"
 #include "ros/stereo_input.h"
 
 namespace point_line_odometry {

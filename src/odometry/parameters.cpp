@@ -90,7 +90,7 @@ std::vector<std::string> checkParameters(const Parameters& parameters) {
   ParameterChecker checker;
   visitParameters(parameters, checker);
   if (!parameters.points.enabled && !parameters.lines.enabled) {
-    checker.errors.push_back(
+    checker.errors.emplace_back(
         "points/enabled and lines/enabled are both false: nothing is left to track");
   }
   return std::move(checker.errors);

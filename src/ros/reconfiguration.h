@@ -19,7 +19,8 @@ namespace point_line_odometry {
 struct ReconfigurableParameters {
   Parameters values;
 
-  // Names that the server dictates. NOLINTBEGIN(bugprone-reserved-identifier)
+  // Names that the server dictates.
+  // NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
   /// The values that are on the parameter server; those that do not fit are left as they are.
   void __fromServer__(const ros::NodeHandle& private_nh);
   void __toServer__(const ros::NodeHandle& private_nh) const;
@@ -33,7 +34,7 @@ struct ReconfigurableParameters {
   static ReconfigurableParameters __getMin__();
   static ReconfigurableParameters __getMax__();
   static dynamic_reconfigure::ConfigDescription __getDescriptionMessage__();
-  // NOLINTEND(bugprone-reserved-identifier)
+  // NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 };
 
 /// Offers the core's parameters to dynamic_reconfigure. What is not allowed, alone or together with
