@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tools/command_line.h"
+#include "tools/source_filters.h"
 #include "tools/stereo_bag.h"
 #include "tools/synthetic_source.h"
 
@@ -19,6 +20,7 @@ int runCommandLine(int argc, char** argv) {
   std::string dataset;
   StereoBagOptions options;
   long max_frames = 0;
+  long every = 1;
   po::options_description visible("Options");
   // clang-format off
   visible.add_options()
@@ -26,6 +28,7 @@ int runCommandLine(int argc, char** argv) {
        "name space of the images")
       ("compression", po::value(&options.compression)->value_name("KIND")->default_value("none"),
        "none, lz4 or bz2")
+      ("every", po::value(&every)->value_name("N"), "take every Nth frame")
       ("max-frames", po::value(&max_frames)->value_name("N"), "stop after N frames")
       ("quiet", po::bool_switch(&options.quiet), "no progress bar and no text")
       ("help,h", "print this help and end");
@@ -48,9 +51,10 @@ int runCommandLine(int argc, char** argv) {
   if (dataset.empty()) throw InputError("no data set is given: name its folder");
   if (options.file.empty()) throw InputError("no bag is given: name the file to be written");
   requirePositive("--max-frames", max_frames, values);
+  requirePositive("--every", every, values);
   options.max_frames = static_cast<std::size_t>(max_frames);
-  const std::unique_ptr<StereoSource> source = openDataset(dataset);
-  writeStereoBag(*source, options);
+  EveryNthSource source(openDataset(dataset), static_cast<std::size_t>(every));
+  writeStereoBag(source, options);
   return 0;
 }
 

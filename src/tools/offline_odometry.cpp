@@ -22,6 +22,7 @@
 #include "tools/progress_bar.h"
 #include "tools/recording_source.h"
 #include "tools/run_report.h"
+#include "tools/source_filters.h"
 #include "tools/stereo_source.h"
 #include "tools/synthetic_source.h"
 
@@ -39,6 +40,8 @@ struct Options {
   std::string right_topic;
   double max_interval_s = 0.0;
   long max_frames = 0;      // 0: all
+  long every = 1;
+  double scale = 1.0;
   long features_every = 0;  // 0: no picture
   bool quiet = false;
 };
@@ -56,7 +59,7 @@ std::optional<RecordingReplay> openRecording(const Options& options) {
   return RecordingReplay(RecordingReader::read(options.input));
 }
 
-std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
+std::unique_ptr<StereoSource> openInput(const Options& options, const RecordedRun* recorded) {
   if (isSyntheticName(options.input)) return openSynthetic(options.input);
   if (!std::filesystem::exists(options.input)) {
     throw InputError("input '" + options.input +
@@ -72,6 +75,19 @@ std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedR
         BagSource::Options{options.input, {options.left_topic, options.right_topic}, interval_ns});
   }
   return std::make_unique<FolderSource>(StereoDataset::open(options.input));
+}
+
+/// The frames of the input that are asked for, in the size that is asked for.
+std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
+  std::unique_ptr<StereoSource> source = openInput(options, recorded);
+  if (options.every > 1) {
+    source = std::make_unique<EveryNthSource>(std::move(source),
+                                              static_cast<std::size_t>(options.every));
+  }
+  if (options.scale != 1.0) {
+    source = std::make_unique<ScaledSource>(std::move(source), options.scale);
+  }
+  return source;
 }
 
 /// \param parameters what holds where the options name nothing else.
@@ -278,6 +294,9 @@ int runCommandLine(int argc, char** argv) {
        "right images of a bag; default: by the name of the left ones")
       ("approximate-sync", po::value(&options.max_interval_s)->value_name("SECONDS"),
        "pair images of a bag whose stamps differ by up to this; default: equal stamps")
+      ("every", po::value(&options.every)->value_name("N"), "take every Nth frame")
+      ("scale", po::value(&options.scale)->value_name("FACTOR"),
+       "take the images FACTOR times as large, 0.1 to 10")
       ("max-frames", po::value(&options.max_frames)->value_name("N"), "stop after N frames")
       ("features-images", po::value(&options.features_every)->value_name("N"),
        "write a picture of the features of every Nth frame to DIR/features")
@@ -309,6 +328,10 @@ int runCommandLine(int argc, char** argv) {
   if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");
   if (options.output.empty()) throw InputError("no output folder is given: add -o DIR");
   requirePositive("--max-frames", options.max_frames, values);
+  requirePositive("--every", options.every, values);
+  if (!(options.scale >= 0.1 && options.scale <= 10.0)) {
+    throw InputError("option --scale must be a number from 0.1 to 10");
+  }
   requirePositive("--features-images", options.features_every, values);
   if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 10.0) {
     throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");

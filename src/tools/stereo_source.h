@@ -24,6 +24,9 @@ class StereoSource {
   /// The next pair as stored, nothing at the end. Throws InputError for what cannot be read.
   virtual std::optional<StereoImages> next() = 0;
 
+  /// Passes over the next pair; false at the end.
+  virtual bool skip() { return next().has_value(); }
+
   /// Images passed over as they had no partner.
   virtual std::size_t unpaired() const { return 0; }
 
@@ -45,6 +48,8 @@ class FolderSource : public StereoSource {
     if (next_ >= dataset_.size()) return std::nullopt;
     return dataset_.load(next_++);
   }
+
+  bool skip() override { return next_ < dataset_.size() && ++next_ > 0; }
 
  private:
   StereoDataset dataset_;

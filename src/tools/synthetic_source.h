@@ -64,6 +64,8 @@ class SyntheticSource : public StereoSource {
     return world_.render(next_++);
   }
 
+  bool skip() override { return next_ < num_frames_ && ++next_ > 0; }
+
  private:
   SyntheticWorld world_;
   std::size_t num_frames_;
