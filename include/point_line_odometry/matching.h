@@ -117,6 +117,21 @@ std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expec
                                           const StereoFrame& curr, double radius_px,
                                           const MatchingParameters& parameters);
 
+/// What a point looks like in both images of a stereo frame.
+struct StereoDescriptor {
+  Descriptor left{};
+  Descriptor right{};
+};
+
+/// Pairs (known, stereo point of frame k) of the nearest descriptors over the whole image, wherever
+/// the camera has moved: Hamming distances of left and right together, cross-check and ratio test.
+std::vector<IndexPair> matchPointsByAppearance(const std::vector<StereoDescriptor>& known,
+                                               const StereoFrame& curr,
+                                               const MatchingParameters& parameters);
+
+/// The descriptors of the stereo points of a frame.
+std::vector<StereoDescriptor> stereoDescriptors(const StereoFrame& frame);
+
 /// Pairs of stereo points (k-1, k) whose circle l(k-1) -> r(k-1) -> r(k) -> l(k) -> l(k-1) closes
 /// (paper, section 2): the legs within a frame are the stereo pairs, those between frames the best
 /// descriptors near the predicted place (paper, eq. 1).

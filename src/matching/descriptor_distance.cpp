@@ -16,6 +16,19 @@ void hammingDistances(const Descriptor& from, const Descriptor* to, const int* p
   }
 }
 
+POINT_LINE_ODOMETRY_CLONES("popcnt")
+void hammingDistances(const StereoDescriptor& from, const StereoDescriptor* to, int count,
+                      int* distances) {
+  for (int k = 0; k < count; ++k) {
+    int distance = 0;
+    for (std::size_t i = 0; i < from.left.size(); ++i) {
+      distance += __builtin_popcountll(from.left[i] ^ to[k].left[i]);
+      distance += __builtin_popcountll(from.right[i] ^ to[k].right[i]);
+    }
+    distances[k] = distance;
+  }
+}
+
 int hammingDistance(const Descriptor& a, const Descriptor& b) {
   const int place = 0;
   int distance = 0;

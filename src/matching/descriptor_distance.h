@@ -1,5 +1,6 @@
 #pragma once
 
+#include "point_line_odometry/matching.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -11,11 +12,15 @@ int hammingDistance(const Descriptor& a, const Descriptor& b);
 void hammingDistances(const Descriptor& from, const Descriptor* to, const int* places, int count,
                       int* distances);
 
+/// Distances of one stereo point to others, those of the left and right descriptors added.
+void hammingDistances(const StereoDescriptor& from, const StereoDescriptor* to, int count,
+                      int* distances);
+
 /// Keeps the best and second-best candidate of a search.
 struct BestTwo {
   int best_index = -1;
-  int best = 257;
-  int second = 257;
+  int best = 2 * 256 + 1;  // more than any distance
+  int second = 2 * 256 + 1;
 
   void offer(int index, int distance) {
     if (distance < best) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "motion/camera_motion.h"
+#include "motion/motion_consensus.h"
 #include "odometry/correspondences.h"
 #include "odometry/uncertainty.h"
 
@@ -15,6 +16,10 @@ constexpr double kMaxWidening = 4.0;  // of the search radius after missing fram
 // If the map gives fewer matches than this share of those with the last frame, these are used, too.
 constexpr double kFewMapMatches = 0.5;
 
+// Near a prediction that is right, at least this share of the features is found again (0.35 and
+// more in all sequences at full rate).
+constexpr double kShareFound = 0.25;
+
 /// Appends the matches of one kind that agree with a motion; all of them if there is none.
 template <typename Correspondence>
 void appendMatches(const std::vector<Correspondence>& matches, const MotionEstimate& motion,
@@ -22,6 +27,30 @@ void appendMatches(const std::vector<Correspondence>& matches, const MotionEstim
   for (std::size_t i = 0; i < matches.size(); ++i) {
     if (!motion.ok() || inliers[i]) list->push_back(matches[i]);
   }
+}
+
+/// Of the features of an earlier frame that should be in view after a motion, the share that was
+/// found and agrees with it; 0 without a motion.
+double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
+                  const MotionEstimate& motion) {
+  if (!motion.ok()) return 0.0;
+  const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
+    const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
+    if (!(p.z() > camera.baseline_m)) return false;
+    const Eigen::Vector2d left = camera.projectLeft(p);
+    return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
+           left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
+  };
+  const auto points = std::count_if(
+      earlier.points.begin(), earlier.points.end(),
+      [&](const StereoPoint& point) { return in_view(point.triangulated.p_camera); });
+  const auto lines =
+      std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
+        return line.triangulated && (in_view(line.triangulated->start_camera) ||
+                                     in_view(line.triangulated->end_camera));
+      });
+  const auto found = static_cast<double>(motion.num_point_inliers + motion.num_line_inliers);
+  return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
 TrackingReason trackingReason(MotionStatus status) {
@@ -90,9 +119,46 @@ MotionMeasurement MotionMeter::measureDirectly(const StereoFrame& curr,
   return measurement;
 }
 
+/// Near the prediction, and where that finds little of what should be seen, in the whole image.
 MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const StereoFrame& curr,
                                             const MotionPrediction& prediction,
                                             const Stages& stages, ThreadPool* threads) const {
+  MotionMeasurement measurement = measureNear(earlier, curr, prediction, stages, threads);
+  const double found = shareFound(earlier, context_.camera, measurement.direct);
+  if (found >= kShareFound) return measurement;
+  const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(earlier, curr);
+  if (getenv("DBG")) fprintf(stderr, "DBG wide: narrow %.2f consensus %d\n", found, int(bool(T_curr_earlier)));
+  if (!T_curr_earlier) return measurement;
+  MotionMeasurement anew = measureNear(
+      earlier, curr, {*T_curr_earlier, parameters_.matching.search_radius_px}, stages, threads);
+  const double found_anew = shareFound(earlier, context_.camera, anew.direct);
+  if (getenv("DBG")) fprintf(stderr, "DBG wide: %.2f\n", found_anew);
+  return found_anew > found ? anew : measurement;
+}
+
+/// The motion by which most points that look alike can be explained.
+std::optional<Eigen::Isometry3d> MotionMeter::searchWidely(const StereoFrame& earlier,
+                                                           const StereoFrame& curr) const {
+  const CircularMatches matches{
+      matchPointsByAppearance(stereoDescriptors(earlier), curr, parameters_.matching), {}};
+  std::vector<PointCorrespondence> points;
+  for (const IndexPair& match : matches.points) {
+    const StereoPoint& now = curr.points[match.second];
+    PointCorrespondence point;
+    point.p_prev = earlier.points[match.first].triangulated.p_camera;
+    point.left_px = curr.features.points_left[now.left].pixel.cast<double>();
+    point.right_px = context_.correction.apply(now.right_px.cast<double>());
+    points.push_back(point);
+  }
+  const std::optional<MotionConsensus> consensus = findConsensus(points, context_.camera);
+  if (getenv("DBG")) fprintf(stderr, "DBG appearance matches %zu inl %d\n", points.size(), consensus ? consensus->num_inliers : 0);
+  if (!consensus) return std::nullopt;
+  return consensus->T_curr_prev;
+}
+
+MotionMeasurement MotionMeter::measureNear(const StereoFrame& earlier, const StereoFrame& curr,
+                                           const MotionPrediction& prediction,
+                                           const Stages& stages, ThreadPool* threads) const {
   MotionMeasurement measurement;
   {
     const StageTimer timer(times_, stages.match);

@@ -73,6 +73,11 @@ class MotionMeter {
   MotionMeasurement measureSince(const StereoFrame& earlier, const StereoFrame& curr,
                                  const MotionPrediction& prediction, const Stages& stages,
                                  ThreadPool* threads) const;
+  MotionMeasurement measureNear(const StereoFrame& earlier, const StereoFrame& curr,
+                                const MotionPrediction& prediction, const Stages& stages,
+                                ThreadPool* threads) const;
+  std::optional<Eigen::Isometry3d> searchWidely(const StereoFrame& earlier,
+                                                const StereoFrame& curr) const;
   void measureAgainstMap(const StereoFrame& curr, const MotionPrediction& prediction,
                          MotionMeasurement* measurement) const;
   MotionEstimate estimate(const Correspondences& matches, const Eigen::Isometry3d& T_curr_prev,
