@@ -61,7 +61,7 @@ class DistortedDrive {
     }
     const MotionEstimate motion = estimateMotion(matches, camera, truth, {});
     ASSERT_TRUE(motion.ok());
-    refinement.addMotion(matches, motion, {});
+    refinement.addMotion(matches, motion, {}, 1.0);
   }
 
   const StereoCamera camera = synthetic::camera();
@@ -172,10 +172,10 @@ TEST(CalibrationRefinement, FollowsAChange) {
 TEST(CalibrationRefinement, NothingIsLearntFromNothing) {
   CalibrationRefinement refinement(synthetic::camera());
   refinement.addRows({}, kSigmaPx);
-  refinement.addMotion({}, {}, {});
+  refinement.addMotion({}, {}, {}, 1.0);
   MotionEstimate motion;
   motion.status = MotionStatus::kOk;
-  refinement.addMotion({}, motion, {});
+  refinement.addMotion({}, motion, {}, 1.0);
   EXPECT_EQ(refinement.correction().u, RightImageCorrection::Coefficients::Zero());
   EXPECT_EQ(refinement.correction().v, RightImageCorrection::Coefficients::Zero());
 }
@@ -190,7 +190,7 @@ TEST(CalibrationRefinement, OutliersOfTheMotionAreLeftOut) {
     motion.point_inliers[i] = false;
   }
   CalibrationRefinement refinement(camera);
-  refinement.addMotion(matches, motion, {});
+  refinement.addMotion(matches, motion, {}, 1.0);
   EXPECT_LT(refinement.correction().u.cwiseAbs().maxCoeff(), 1e-6);
 }
 
@@ -200,7 +200,7 @@ TEST(CalibrationRefinement, GarbageDoesNotSpoilIt) {
   const MotionEstimate motion = estimateMotion(matches, camera, synthetic::motion(), {});
   matches.points[0].left_px.x() = std::numeric_limits<double>::quiet_NaN();
   CalibrationRefinement refinement(camera);
-  refinement.addMotion(matches, motion, {});
+  refinement.addMotion(matches, motion, {}, 1.0);
   EXPECT_TRUE(refinement.correction().u.allFinite());
 }
 

@@ -61,9 +61,12 @@ class CalibrationRefinement {
   };
   void addRows(const std::vector<RowSample>& samples, double sigma_px);
 
-  /// One frame's motion: residuals of the inlier points, after the solution.
+  /// One frame's motion: residuals of the inlier points, after the solution. \param share_of_new of
+  /// the features seen, 0 ... 1. It weighs the frame by its square: points seen again repeat their
+  /// errors, and those that all points have in common bias the disparity the more the less the
+  /// camera has moved.
   void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
-                 const MotionParameters& parameters);
+                 const MotionParameters& parameters, double share_of_new);
 
   /// What it has learned, for StereoOdometry::saveState(); the camera is given.
   auto state();

@@ -136,7 +136,7 @@ void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const 
   learn(context.camera, sights, motion);
   const double num_old = static_cast<double>(reference_.size());
   const bool keyframe = needsKeyframe();
-  addPoints(frame, context, candidates.points);
+  addPoints(frame, context, candidates);
   addLines(frame, context, candidates.lines, sights);
   share_of_new_ = 1.0 - num_old / std::max<double>(static_cast<double>(reference_.size()), 1.0);
   if (keyframe && reference_.size() > 0) addKeyframe();
@@ -185,34 +185,39 @@ void LocalMap::forget() {
   lines_.erase(std::remove_if(lines_.begin(), lines_.end(), forgotten), lines_.end());
 }
 
-/// The strongest first, where cells want more.
+/// Where cells want more: inliers first, and of either kind the strongest first.
 void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
-                         const std::vector<int>& candidates) {
-  const StereoCamera& camera = context.camera;
-  PointQuota quota(camera, context.parameters.points.cell_size_px, window_.points_per_cell);
+                         const LandmarkCandidates& candidates) {
+  PointQuota quota(context.camera, context.parameters.points.cell_size_px,
+                   window_.points_per_cell);
   for (const Entry<PointSight>& seen : reference_.points)
     quota.occupy(seen.sight.left_px.cast<float>());
   const auto feature = [&](int i) -> const PointFeature& {
     return frame.features.points_left[frame.points[i].left];
   };
-  std::vector<int> strongest_first = candidates;
-  std::stable_sort(strongest_first.begin(), strongest_first.end(),
-                   [&](int a, int b) { return feature(a).response > feature(b).response; });
-  for (const int i : strongest_first) {
-    const Eigen::Vector2f& pixel = feature(i).pixel;
-    if (!patchFits(pixel, camera) || !quota.take(pixel)) continue;
-    const StereoPoint& stereo = frame.points[i];
-    MapPoint point = makePoint(frame, stereo, T_map_reference_);
-    if (!point.place.value.allFinite() || !point.place.spread.allFinite()) continue;
-    point.id = next_landmark_++;
-    point.sightings.last_keyframe = next_keyframe_;
-    PointSight sight;
-    sight.left_px = pixel.cast<double>();
-    sight.right_px = context.correction.apply(stereo.right_px.cast<double>());
-    sight.sigma_px = stereo.sigma_px;
-    reference_.points.push_back({point.id, sight});
-    points_.push_back(point);
+  for (std::vector<int> strongest_first : {candidates.points, candidates.unmatched_points}) {
+    std::stable_sort(strongest_first.begin(), strongest_first.end(),
+                     [&](int a, int b) { return feature(a).response > feature(b).response; });
+    for (const int i : strongest_first) {
+      const Eigen::Vector2f& pixel = feature(i).pixel;
+      if (patchFits(pixel, context.camera) && quota.take(pixel))
+        addPoint(frame, context, frame.points[i]);
+    }
   }
+}
+
+void LocalMap::addPoint(const StereoFrame& frame, const FrameContext& context,
+                        const StereoPoint& stereo) {
+  MapPoint point = makePoint(frame, stereo, T_map_reference_);
+  if (!point.place.value.allFinite() || !point.place.spread.allFinite()) return;
+  point.id = next_landmark_++;
+  point.sightings.last_keyframe = next_keyframe_;
+  PointSight sight;
+  sight.left_px = frame.features.points_left[stereo.left].pixel.cast<double>();
+  sight.right_px = context.correction.apply(stereo.right_px.cast<double>());
+  sight.sigma_px = stereo.sigma_px;
+  reference_.points.push_back({point.id, sight});
+  points_.push_back(point);
 }
 
 /// All that are not in the map.

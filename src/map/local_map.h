@@ -17,11 +17,12 @@
 
 namespace point_line_odometry {
 
-/// Features of a frame from which new landmarks may be made, by their indices in the frame: those
-/// whose motion agreed with the frame's.
+/// Features of a frame from which new landmarks may be made, by their indices in the frame.
 struct LandmarkCandidates {
-  std::vector<int> points;
-  std::vector<int> lines;
+  std::vector<int> points;  ///< inliers of the motion from the previous frame
+  std::vector<int> lines;   ///< the same
+  /// Points not matched with the previous frame: they came into view, or look other than there.
+  std::vector<int> unmatched_points;
 };
 
 /// Points and lines seen lately and the keyframes that saw them, in a frame of the map's own that
@@ -103,7 +104,8 @@ class LocalMap {
   void learn(const StereoCamera& camera, const MapSights& sights, const MotionEstimate& motion);
   void forget();
   void addPoints(const StereoFrame& frame, const FrameContext& context,
-                 const std::vector<int>& candidates);
+                 const LandmarkCandidates& candidates);
+  void addPoint(const StereoFrame& frame, const FrameContext& context, const StereoPoint& stereo);
   void addLines(const StereoFrame& frame, const FrameContext& context,
                 const std::vector<int>& candidates, const MapSights& sights);
   bool needsKeyframe() const;

@@ -30,7 +30,7 @@ inline std::optional<Eigen::Matrix2f> patchWarp(const StereoCamera& camera,
                                                 const Eigen::Vector3d& p_camera,
                                                 const PixelAxes& axes) {
   constexpr double kMinGrowth = 0.4;  // of the area
-  constexpr double kMaxGrowth = 3.0;
+  constexpr double kMaxGrowth = 6.0;
   const double inverse_z = 1.0 / p_camera.z();
   Eigen::Matrix<double, 2, 3> projection;
   projection << camera.fx, 0.0, -camera.fx * p_camera.x() * inverse_z,  //

@@ -10,14 +10,14 @@ namespace {
 
 constexpr double kMemoryFrames = 1000.0;  // after which information has faded to 1/e
 
-// Successive frames see the same points, with the same errors: so many of them count as one.
+// Successive frames see the same points, with the same errors: of rows, this many count as one.
 constexpr double kFramesPerSample = 2.0;
 
 // What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms().
-// Of the disparity, the terms without x are nearly held: over two frames their effect on the flow
-// is hardly told from that of a wrong speed.
-constexpr double kFreePx = 0.1;
-constexpr double kHeldPx = 0.02;
+// Of the disparity, the terms without x are held more: over two frames their effect on the flow is
+// hardly distinguished from that of a wrong speed.
+constexpr double kFreePx = 0.2;
+constexpr double kHeldPx = 0.04;
 RightImageCorrection::Coefficients disparitySigma() {
   RightImageCorrection::Coefficients sigma;
   sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx;
@@ -46,8 +46,8 @@ CalibrationRefinement::Belief::Belief(const Coefficients& prior_sigma)
 void CalibrationRefinement::Belief::add(const Information& more_information,
                                         const Coefficients& more_vector) {
   const double fading = 1.0 - 1.0 / kMemoryFrames;
-  information = prior + fading * (information - prior) + more_information / kFramesPerSample;
-  vector = fading * vector + more_vector / kFramesPerSample;
+  information = prior + fading * (information - prior) + more_information;
+  vector = fading * vector + more_vector;
 }
 
 RightImageCorrection::Coefficients CalibrationRefinement::Belief::mean() const {
@@ -71,13 +71,13 @@ void CalibrationRefinement::addRows(const std::vector<RowSample>& samples, doubl
     information += weight * terms * terms.transpose();
     vector += weight * sample.row_difference_px * terms;
   }
-  v_.add(information, vector);
+  v_.add(information / kFramesPerSample, vector / kFramesPerSample);
   correction_.v = v_.mean();
 }
 
 void CalibrationRefinement::addMotion(const Correspondences& correspondences,
                                       const MotionEstimate& motion,
-                                      const MotionParameters& parameters) {
+                                      const MotionParameters& parameters, double share_of_new) {
   Matrix6d by_motion = Matrix6d::Zero();
   Information by_terms = Information::Zero();
   Eigen::Matrix<double, RightImageCorrection::kTerms, 6> mixed =
@@ -115,7 +115,8 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
   const Information information = by_terms - mixed * solver.solve(mixed.transpose());
   const Coefficients vector = terms_vector - mixed * solver.solve(motion_vector);
   if (!information.allFinite() || !vector.allFinite()) return;
-  u_.add(information, information * correction_.u + vector);
+  const double weight = share_of_new * share_of_new;
+  u_.add(weight * information, weight * (information * correction_.u + vector).eval());
   correction_.u = u_.mean();
 }
 
