@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include "map/bundle_adjustment.h"
@@ -218,14 +221,154 @@ TEST(AdjustBundle, MotionWithoutAUsableCovarianceIsLeftOut) {
   EXPECT_LT(world.worstPose_m(), 1e-3);
 }
 
+/// What adjustBundle() returns, and that Ceres writes nothing to the log of the process.
+bool adjustSilently(int max_iterations, BundleWorld* world) {
+  testing::internal::CaptureStderr();
+  const bool solved = adjustBundle(world->camera, {}, max_iterations, &world->problem);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  return solved;
+}
+
 TEST(AdjustBundle, NothingToSolveChangesNothing) {
   BundleProblem empty;
   EXPECT_FALSE(adjustBundle(synthetic::camera(), {}, 5, &empty));
   BundleWorld broken(0.0, 20, 0);
-  broken.problem.points[0].sights[2].sight.left_px.x() = std::nan("");
+  for (auto& landmark : broken.problem.points) landmark.sights[2].sight.left_px.x() = std::nan("");
   const Isometry3d before = broken.problem.frames[3].T_map_camera;
-  EXPECT_FALSE(adjustBundle(broken.camera, {}, 5, &broken.problem));
+  EXPECT_FALSE(adjustSilently(5, &broken));
   EXPECT_TRUE(broken.problem.frames[3].T_map_camera.isApprox(before, 0.0));
+}
+
+TEST(AdjustBundle, APoseThatIsNotFiniteChangesNothing) {
+  BundleWorld world(0.0, 20, 10);
+  world.problem.motions.push_back(trueMotion(world, 2, 0.01));
+  world.problem.frames[3].T_map_camera.translation().x() = std::nan("");
+  const Isometry3d before = world.problem.frames[4].T_map_camera;
+  EXPECT_FALSE(adjustSilently(5, &world));
+  EXPECT_TRUE(world.problem.frames[4].T_map_camera.isApprox(before, 0.0));
+}
+
+/// Solves a world whose first landmarks have been spoilt: they are culled, the rest is adjusted.
+void expectFirstCulled(int num_points, int num_lines, BundleWorld* world) {
+  ASSERT_TRUE(adjustSilently(50, world));
+  EXPECT_LT(world->worstPose_m(), 0.006);
+  for (std::size_t i = 0; i < world->points.size(); ++i) {
+    const auto& landmark = world->problem.points[i];
+    EXPECT_EQ(landmark.culled, static_cast<int>(i) < num_points) << i;
+    if (landmark.culled) continue;
+    EXPECT_LT((landmark.place.value - world->points[i]).norm(), 0.2) << i;
+  }
+  for (std::size_t i = 0; i < world->lines.size(); ++i)
+    EXPECT_EQ(world->problem.lines[i].culled, static_cast<int>(i) < num_lines) << i;
+}
+
+TEST(AdjustBundle, LandmarksBehindACameraAreCulled) {
+  BundleWorld world(kNoisePx, 100, 30);
+  auto& point = world.problem.points[0].place.value;
+  point = world.poses[3] * Vector3d(0.1, 0.2, -0.5);
+  auto& ends = world.problem.lines[0].place.value;
+  ends.tail<3>() = world.poses[3] * Vector3d(0.6, 0.1, -1.8);  // one end
+  expectFirstCulled(1, 1, &world);
+}
+
+TEST(AdjustBundle, LandmarksThatAreNotFiniteAreCulled) {
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    BundleWorld world(kNoisePx, 100, 30);
+    world.problem.points[0].place.value.setConstant(bad);
+    world.problem.points[1].place.value.z() = bad;
+    world.problem.points[2].place.spread(2, 2) = bad;
+    world.problem.points[3].sights[1].sight.right_px.x() = bad;
+    world.problem.lines[0].place.value.tail<3>().setConstant(bad);
+    world.problem.lines[1].place.value(2) = bad;
+    world.problem.lines[2].place.spread(1, 1) = bad;
+    world.problem.lines[3].sights[4].sight.left_end_px.y() = bad;
+    expectFirstCulled(4, 4, &world);
+  }
+}
+
+TEST(AdjustBundle, LinesWithoutADirectionAreCulled) {
+  BundleWorld world(kNoisePx, 100, 30);
+  auto& short_line = world.problem.lines[0].place.value;
+  short_line.tail<3>() = short_line.head<3>();
+  const Isometry3d& T_map_camera = world.problem.frames[3].T_map_camera;
+  world.problem.lines[1].place.value << T_map_camera * Vector3d(0.0, 0.0, 2.0),
+      T_map_camera * Vector3d(0.0, 0.0, 5.0);  // on its axis: seen as a point
+  expectFirstCulled(0, 2, &world);
+}
+
+/// A point at three times its depth: the first step of Gauss-Newton would put it behind the
+/// cameras. That step fails, not the window.
+TEST(AdjustBundle, AStepBehindACameraIsMadeSmaller) {
+  BundleWorld world(0.0, 60, 20);
+  const Isometry3d& T_map_camera = world.poses[2];
+  auto& place = world.problem.points[0].place;
+  place.value = T_map_camera * (3.0 * (T_map_camera.inverse() * world.points[0]));
+  place.spread = Matrix3d::Identity();
+  ASSERT_TRUE(adjustSilently(50, &world));
+  EXPECT_FALSE(world.problem.points[0].culled);
+  EXPECT_LT((place.value - world.points[0]).norm(), 0.05);
+  EXPECT_LT(world.worstPose_m(), 1e-3);
+}
+
+// --- Local map
+
+/// A point of the map with its place in space, that was in view all the time.
+MapPoint mapPoint(std::uint64_t id, const Vector3d& place) {
+  MapPoint point;
+  point.id = id;
+  point.place.value = place;
+  point.place.spread = 2.0 * Matrix3d::Identity();
+  return point;
+}
+
+/// A map that holds these points and nothing else.
+LocalMap mapOf(std::vector<MapPoint> points) {
+  LocalMap map(WindowParameters{}, LocalMapParameters{});
+  std::get<1>(map.state()) = std::move(points);
+  return map;
+}
+
+TEST(LocalMap, ForgetsWhatAWindowHasCulled) {
+  LocalMap map = mapOf({mapPoint(3, {0.0, 0.0, 4.0}), mapPoint(5, {1.0, 0.0, 4.0})});
+  BundleProblem solved;
+  for (const std::uint64_t id : {3, 5}) {
+    solved.points.emplace_back();
+    solved.points.back().id = id;
+    solved.points.back().culled = id == 3;
+  }
+  solved.points[0].place.value.setConstant(std::nan(""));
+  solved.points[1].place.value = {1.0, 0.0, 4.0};
+  map.adopt(solved);
+  ASSERT_EQ(map.numPoints(), 1U);
+  EXPECT_EQ(std::get<1>(map.state())[0].id, 5U);
+}
+
+/// Seen at a third of its depth: the update, which is linear in the depth, carries it behind the
+/// camera.
+TEST(LocalMap, ALandmarkThatItsUpdatePutsBehindTheCameraIsCulled) {
+  const StereoCamera camera = synthetic::camera();
+  LocalMap map = mapOf({mapPoint(3, {0.0, 0.0, 6.0}), mapPoint(5, {0.5, 0.0, 6.0})});
+  MapSights sights;
+  sights.point_in_view = {true, true};
+  const Vector3d seen[] = {{0.0, 0.0, 2.0}, {0.5, 0.0, 6.1}};
+  for (const int i : {0, 1}) {
+    PointSight sight;
+    sight.left_px = camera.projectLeft(seen[i]);
+    sight.right_px = camera.projectRight(seen[i]);
+    sight.sigma_px = kNoisePx;
+    sights.points.push_back({i, sight});
+  }
+  MotionEstimate motion;
+  motion.point_inliers = {true, true};
+  const StereoImages images;
+  const RightImageCorrection correction;
+  const Parameters parameters;
+  const NoiseScale noise;
+  map.add({}, {images, camera, correction, parameters, noise}, sights, motion, {});
+  ASSERT_EQ(map.numPoints(), 1U);
+  const MapPoint& kept = std::get<1>(map.state())[0];
+  EXPECT_EQ(kept.id, 5U);
+  EXPECT_LT((kept.place.value - seen[1]).norm(), 0.05);
 }
 
 // --- The step in odom

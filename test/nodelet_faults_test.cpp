@@ -319,6 +319,7 @@ TEST_P(RefusedTest, IsNamedCountedAndPassedOver) {
   show(3, GetParam().spoil);
   EXPECT_TRUE(says("tracking", kError, GetParam().words)) << said("tracking");
   EXPECT_EQ(counted("tracking", "frames rejected"), 1);
+  EXPECT_EQ(counted("tracking", "failed windows"), 0);
   EXPECT_EQ(numOdometries(), answers);
   const OdometryInfo info = drive(4, 6);
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;

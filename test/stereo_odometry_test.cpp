@@ -376,6 +376,7 @@ void expectSame(const FrameResult& a, const FrameResult& b) {
   EXPECT_EQ(a.counts.map_point_inliers, b.counts.map_point_inliers);
   EXPECT_EQ(a.counts.map_line_inliers, b.counts.map_line_inliers);
   EXPECT_EQ(a.counts.keyframes, b.counts.keyframes);
+  EXPECT_EQ(a.counts.failed_windows, b.counts.failed_windows);
   ASSERT_EQ(a.points.size(), b.points.size());
   for (std::size_t i = 0; i < a.points.size(); ++i)
     EXPECT_EQ(a.points[i].p_camera, b.points[i].p_camera);

@@ -42,6 +42,7 @@ class OfflineOdometryTest(ToolTest):
             summary = json.load(file)
         self.assertEqual(summary["frames"], FRAMES)
         self.assertEqual(sum(summary["states"].values()), FRAMES)
+        self.assertEqual(summary["failed_windows"], 0)
         self.assertEqual(set(summary["times"]["total_ms"]), {"mean", "median", "p95", "max"})
         self.assertGreater(summary["peak_memory_MB"], 1.0)
         residuals = summary["weighted_residuals"]

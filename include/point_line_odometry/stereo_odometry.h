@@ -92,6 +92,7 @@ struct FrameCounts {
   int map_point_inliers = 0;  ///< landmarks that the pose comes from
   int map_line_inliers = 0;
   int keyframes = 0;
+  int failed_windows = 0;  ///< ended without a solution since the last frame
 };
 
 /// A matched point, in the current left camera.

@@ -6,7 +6,9 @@
 #include <ceres/sized_cost_function.h>
 #include <ceres/solver.h>
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <deque>
 #include <vector>
 
@@ -45,30 +47,40 @@ struct PoseUnknown {
 template <typename Residual, typename Place, typename Sight>
 class SightCost : public ceres::SizedCostFunction<Residual::kRows, Place::kNumFreedoms, 6> {
  public:
-  SightCost(const StereoCamera* camera, const Place* place, const PoseUnknown* pose,
-            const Sight* sight)
+  SightCost(const StereoCamera* camera, const Place* place, PoseUnknown* pose, const Sight* sight)
       : camera_(camera), place_(place), pose_(pose), sight_(sight) {}
 
-  /// False if the landmark gets behind the camera: the solver takes a smaller step.
+  double* poseChange() const { return pose_->change.data(); }
+
+  /// True if the solver can start: the landmark is in front of the camera, and the residual and its
+  /// derivatives are finite.
+  bool usable() const {
+    const Freedoms change = Freedoms::Zero();
+    const double* unknowns[] = {change.data(), poseChange()};
+    Eigen::Matrix<double, Residual::kRows, 1> residual;
+    ByLandmark by_landmark;
+    ByPose by_pose;
+    double* jacobians[] = {by_landmark.data(), by_pose.data()};
+    return Evaluate(unknowns, residual.data(), jacobians) && by_landmark.allFinite() &&
+           by_pose.allFinite();
+  }
+
+  /// False if the landmark gets behind the camera, or the residual is not finite: the solver takes
+  /// a smaller step.
   bool Evaluate(double const* const* unknowns, double* residuals,
                 double** jacobians) const override {
-    constexpr int kRows = Residual::kRows;
-    constexpr int kFreedoms = Place::kNumFreedoms;
-    using Freedoms = Eigen::Matrix<double, kFreedoms, 1>;
     Place place;
     place.value = place_->value + place_->spread * Eigen::Map<const Freedoms>(unknowns[0]);
     const Residual residual(correspondence(place, *sight_), *camera_, pose_->at(unknowns[1]));
-    if (!residual.valid) return false;
+    if (!residual.valid || !residual.value.allFinite()) return false;
     const double weight = 1.0 / sight_->sigma_px;
-    Eigen::Map<Eigen::Matrix<double, kRows, 1>>{residuals} = weight * residual.value;
+    Eigen::Map<Eigen::Matrix<double, Residual::kRows, 1>>{residuals} = weight * residual.value;
     if (jacobians == nullptr) return true;
     if (jacobians[0] != nullptr) {
-      using Jacobian = Eigen::Matrix<double, kRows, kFreedoms, Eigen::RowMajor>;
-      Eigen::Map<Jacobian>{jacobians[0]} = weight * residual.byLandmark() * place_->spread;
+      Eigen::Map<ByLandmark>{jacobians[0]} = weight * residual.byLandmark() * place_->spread;
     }
     if (jacobians[1] != nullptr) {
-      using Jacobian = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
-      Eigen::Map<Jacobian> J(jacobians[1]);
+      Eigen::Map<ByPose> J(jacobians[1]);
       const auto by_motion = residual.byMotion();
       J.template leftCols<3>() = weight * by_motion.template leftCols<3>() *
                                  leftJacobian(Eigen::Map<const Eigen::Vector3d>(unknowns[1]));
@@ -78,9 +90,13 @@ class SightCost : public ceres::SizedCostFunction<Residual::kRows, Place::kNumFr
   }
 
  private:
+  using Freedoms = Eigen::Matrix<double, Place::kNumFreedoms, 1>;
+  using ByLandmark = Eigen::Matrix<double, Residual::kRows, Place::kNumFreedoms, Eigen::RowMajor>;
+  using ByPose = Eigen::Matrix<double, Residual::kRows, 6, Eigen::RowMajor>;
+
   const StereoCamera* camera_;
   const Place* place_;
-  const PoseUnknown* pose_;
+  PoseUnknown* pose_;
   const Sight* sight_;
 };
 
@@ -95,7 +111,13 @@ class MotionPriorCost : public ceres::SizedCostFunction<6, 6, 6> {
         to_(to),
         weight_(motion.covariance.llt().matrixL().solve(Matrix6d::Identity())) {}
 
-  bool usable() const { return weight_.allFinite(); }
+  /// True if it can be evaluated where the solver starts.
+  bool usable() const {
+    const double* unknowns[] = {from_->change.data(), to_->change.data()};
+    Vector6d residual;
+    return Evaluate(unknowns, residual.data(), nullptr) && residual.allFinite() &&
+           weight_.allFinite();
+  }
 
   bool Evaluate(double const* const* unknowns, double* residuals,
                 double** jacobians) const override {
@@ -152,15 +174,22 @@ class LandmarkUnknowns {
     return landmarks.size() * Place::kNumFreedoms;
   }
 
+  /// All but those that a sight cannot be evaluated of: these are marked as culled.
   void addTo(ceres::Problem* problem, ceres::ParameterBlockOrdering* ordering,
              ceres::LossFunction* loss, const StereoCamera& camera,
              std::vector<PoseUnknown>* poses) {
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-      for (const auto& sight : landmarks_[i].sights) {
-        PoseUnknown& pose = (*poses)[static_cast<std::size_t>(sight.frame)];
-        costs_.emplace_back(&camera, &landmarks_[i].place, &pose, &sight.sight);
-        problem->AddResidualBlock(&costs_.back(), loss, change(i).data(), pose.change.data());
+      Landmark& landmark = landmarks_[i];
+      for (const auto& sight : landmark.sights) {
+        costs_.emplace_back(&camera, &landmark.place,
+                            &(*poses)[static_cast<std::size_t>(sight.frame)], &sight.sight);
       }
+      const auto first = costs_.end() - static_cast<std::ptrdiff_t>(landmark.sights.size());
+      landmark.culled =
+          !std::all_of(first, costs_.end(), [](const auto& cost) { return cost.usable(); });
+      if (landmark.culled) continue;
+      for (auto cost = first; cost != costs_.end(); ++cost)
+        problem->AddResidualBlock(&*cost, loss, change(i).data(), cost->poseChange());
       ordering->AddElementToGroup(change(i).data(), 0);
     }
   }
@@ -187,6 +216,26 @@ class LandmarkUnknowns {
   std::deque<SightCost<Residual, Place, Sight>> costs_;
 };
 
+/// Ceres writes to its log, whatever the options, when the start cannot be evaluated, when
+/// residuals are not finite, and after too many invalid steps in a row. None of these is left to
+/// happen: the log belongs to the process, which may be another's.
+ceres::Solver::Options solverOptions(int max_iterations) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.max_num_iterations = max_iterations;
+  options.max_num_consecutive_invalid_steps = max_iterations + 1;
+  options.function_tolerance = kTolerance;
+  options.num_threads = 1;
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
+/// True if the solver has found something: not if each of its steps failed.
+bool hasSolution(const ceres::Solver::Summary& summary) {
+  return summary.IsSolutionUsable() && (summary.termination_type == ceres::CONVERGENCE ||
+                                        summary.final_cost < summary.initial_cost);
+}
+
 }  // namespace
 
 bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters,
@@ -209,7 +258,7 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
   problem_options.disable_all_safety_checks = true;
   ceres::Problem problem(problem_options);
   ceres::HuberLoss loss(parameters.huber_delta);
-  ceres::Solver::Options options;
+  ceres::Solver::Options options = solverOptions(max_iterations);
   auto* ordering = new ceres::ParameterBlockOrdering;
   options.linear_solver_ordering.reset(ordering);
   points.addTo(&problem, ordering, &loss, camera, &poses);
@@ -229,14 +278,9 @@ bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters
     ordering->AddElementToGroup(poses[i].change.data(), 1);
   }
 
-  options.linear_solver_type = ceres::DENSE_SCHUR;
-  options.max_num_iterations = max_iterations;
-  options.function_tolerance = kTolerance;
-  options.num_threads = 1;
-  options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable() || !points.finite() || !lines.finite()) return false;
+  if (!hasSolution(summary) || !points.finite() || !lines.finite()) return false;
   for (const PoseUnknown& pose : poses) {
     if (!pose.at(pose.change.data()).matrix().allFinite()) return false;
   }

@@ -28,6 +28,7 @@ struct BundleProblem {
     std::uint64_t id = 0;
     Place place;
     std::vector<FrameSight> sights;
+    bool culled = false;  ///< by adjustBundle(): its place is wrong
   };
 
   /// A motion between two frames that is known from elsewhere.
@@ -42,13 +43,16 @@ struct BundleProblem {
   std::vector<Motion> motions;
   std::vector<Landmark<PointBelief, PointSight>> points;
   std::vector<Landmark<LineBelief, LineSight>> lines;
+
+  bool hasLandmarks() const { return !points.empty() || !lines.empty(); }
 };
 
 /// Minimises the point-line reprojection errors of all sights, with Huber kernels, and the errors
 /// of the motions, over the frames that are not fixed and the landmarks, by Levenberg-Marquardt;
 /// landmarks are eliminated first (Schur complement). The spreads of the landmarks stay as they
-/// are: they scale the unknowns. Returns false, and changes nothing, if there is nothing to solve
-/// or no solution.
+/// are: they scale the unknowns. A landmark that is behind a camera that sees it, or whose
+/// residuals there are not finite, is culled: the solution goes without it. Returns false, and
+/// changes nothing else, if there is nothing to solve or no solution.
 bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters,
                   int max_iterations, BundleProblem* problem);
 

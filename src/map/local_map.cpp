@@ -37,15 +37,27 @@ int indexOf(const std::vector<Landmark>& landmarks, std::uint64_t id) {
   return it != landmarks.end() && it->id == id ? static_cast<int>(it - landmarks.begin()) : -1;
 }
 
-/// The place becomes better known by a sight from a pose.
+/// The place becomes better known by a sight from a pose. Returns false if it is wrong: behind the
+/// camera that sees it, where the update is far from linear, as for an end of a line that is hardly
+/// known along its ray.
 template <typename Residual, typename Place, typename Sight>
-void improve(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map, const Sight& sight,
+bool improve(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map, const Sight& sight,
              Place* place) {
   const Residual residual(correspondence(*place, sight), camera, T_camera_map);
-  if (!residual.valid) return;
+  if (!residual.valid) return false;
   using Noise = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
   place->template update<Residual::kRows>(residual.value, residual.byLandmark(),
                                           sight.sigma_px * sight.sigma_px * Noise::Identity());
+  return Residual(correspondence(*place, sight), camera, T_camera_map).valid;
+}
+
+/// Removes landmarks whose place is wrong.
+template <typename Landmark>
+void cull(const std::vector<std::uint64_t>& ids, std::vector<Landmark>* landmarks) {
+  const auto culled = [&](const Landmark& landmark) {
+    return std::find(ids.begin(), ids.end(), landmark.id) != ids.end();
+  };
+  landmarks->erase(std::remove_if(landmarks->begin(), landmarks->end(), culled), landmarks->end());
 }
 
 /// Counts how a landmark was looked for.
@@ -154,24 +166,32 @@ void LocalMap::moveReference(const Eigen::Isometry3d& T_reference_camera) {
 void LocalMap::learn(const StereoCamera& camera, const MapSights& sights,
                      const MotionEstimate& motion) {
   const Eigen::Isometry3d T_camera_map = T_map_reference_.inverse();
-  const auto found = [](auto* landmark) {
+  std::vector<std::uint64_t> wrong;
+  const auto see = [&](const auto& sight, bool improved, auto* landmark, auto* entries) {
     ++landmark->sightings.seen;
     landmark->sightings.missed = 0;
+    if (improved) {
+      entries->push_back({landmark->id, sight});
+    } else {
+      wrong.push_back(landmark->id);
+    }
   };
   for (std::size_t i = 0; i < sights.points.size(); ++i) {
     if (!motion.point_inliers[i]) continue;
+    const PointSight& sight = sights.points[i].sight;
     MapPoint& point = points_[sights.points[i].landmark];
-    found(&point);
-    improve<PointResidual<kBoth>>(camera, T_camera_map, sights.points[i].sight, &point.place);
-    reference_.points.push_back({point.id, sights.points[i].sight});
+    see(sight, improve<PointResidual<kBoth>>(camera, T_camera_map, sight, &point.place), &point,
+        &reference_.points);
   }
   for (std::size_t i = 0; i < sights.lines.size(); ++i) {
     if (!motion.line_inliers[i]) continue;
+    const LineSight& sight = sights.lines[i].sight;
     MapLine& line = lines_[sights.lines[i].landmark];
-    found(&line);
-    improve<LineResidual<kBoth>>(camera, T_camera_map, sights.lines[i].sight, &line.place);
-    reference_.lines.push_back({line.id, sights.lines[i].sight});
+    see(sight, improve<LineResidual<kBoth>>(camera, T_camera_map, sight, &line.place), &line,
+        &reference_.lines);
   }
+  cull(wrong, &points_);
+  cull(wrong, &lines_);
 }
 
 void LocalMap::forget() {
@@ -327,6 +347,7 @@ std::optional<BundleProblem> LocalMap::takeProblem() {
   };
   drop_single(&problem.points);
   drop_single(&problem.lines);
+  if (!problem.hasLandmarks()) return std::nullopt;
   return problem;
 }
 
@@ -341,6 +362,15 @@ void LocalMap::adopt(const BundleProblem& solved) {
       keyframe.T_map_camera = frame.T_map_camera;
     }
   }
+  const auto cull_wrong = [](const auto& list, auto* landmarks) {
+    std::vector<std::uint64_t> wrong;
+    for (const auto& landmark : list) {
+      if (landmark.culled) wrong.push_back(landmark.id);
+    }
+    cull(wrong, landmarks);
+  };
+  cull_wrong(solved.points, &points_);
+  cull_wrong(solved.lines, &lines_);
   adoptPlaces(moves, solved.points, &points_);
   adoptPlaces(moves, solved.lines, &lines_);
 }

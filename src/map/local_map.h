@@ -53,10 +53,12 @@ class LocalMap {
   void add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
            const MotionEstimate& motion, const LandmarkCandidates& candidates);
 
-  /// The window round the last keyframe, once after each new keyframe.
+  /// The window round the last keyframe, once after each new keyframe; none while there is nothing
+  /// to adjust.
   std::optional<BundleProblem> takeProblem();
 
-  /// Takes the solution of a problem: keyframes move, the reference and its landmarks with them.
+  /// Takes the solution of a problem: keyframes move, the reference and its landmarks with them;
+  /// landmarks that it culled are forgotten.
   void adopt(const BundleProblem& solved);
 
   std::size_t numPoints() const { return points_.size(); }

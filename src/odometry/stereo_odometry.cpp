@@ -99,6 +99,7 @@ class StereoOdometry::Impl {
   NoiseScale noise_;
   Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
   std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
+  int failed_windows_ = 0;                            // that no frame has reported yet
   PoseIntegrator pose_;
   SteadyPose output_;
   std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
@@ -149,6 +150,7 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
     measurement = meter.measure(curr);
   }
   report(curr, measurement, result);
+  result->counts.failed_windows = std::exchange(failed_windows_, 0);
   integrate(measurement, curr.stamp_ns, dt_s);
   last_stamp_ns_ = curr.stamp_ns;
   reportPose(result);
@@ -326,6 +328,7 @@ void StereoOdometry::Impl::startWindow() {
 void StereoOdometry::Impl::finishWindow() {
   if (!window_.valid()) return;
   const std::optional<BundleProblem> solved = window_.get();
+  failed_windows_ += solved ? 0 : 1;
   if (solved && history_.map) history_.map->adopt(*solved);
 }
 
@@ -443,7 +446,7 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
   auto& [camera, parameters, threads, detector, refinement, state, history, noise, T_odom_map,
-         window, pose, output, last_stamp_ns] = *this;
+         window, failed_windows, pose, output, last_stamp_ns] = *this;
   static_cast<void>(std::tie(camera, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
@@ -456,6 +459,7 @@ void StereoOdometry::Impl::visitState(Archive* archive) {
   if (has_map) archive->visit(*history.map);
   archive->visit(noise);
   archive->visit(T_odom_map);
+  archive->visit(failed_windows);
   archive->visit(pose);
   archive->visit(output);
   archive->visit(last_stamp_ns);
