@@ -11,8 +11,8 @@ struct PointParameters {
   bool enabled = true;
   int cell_size_px = 50;
   int max_per_cell = 20;
-  int levels = 1;
-  double scale_factor = 1.2;
+  int levels = 3;
+  double scale_factor = 2.0;
   int fast_threshold = 7;
 };
 
@@ -110,7 +110,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "",
         "most points kept in a cell; more cost time");
   visit("points/levels", p.points.levels, 1, 8, "",
-        "pyramid levels in which corners are looked for");
+        "pyramid levels in which corners are looked for, the coarser ones where the finer have few");
   visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "",
         "ratio of size between pyramid levels");
   visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",

@@ -23,6 +23,10 @@ class PointDetector {
   /// image must be CV_8UC1.
   std::vector<PointFeature> detect(const cv::Mat& image);
 
+  /// Those of the finest level alone, and those of all others.
+  std::vector<PointFeature> detectFinest(const cv::Mat& image);
+  std::vector<PointFeature> detectCoarser(const cv::Mat& image);
+
  private:
   struct Scratch;
 

@@ -18,6 +18,10 @@ class StereoFeatureDetector {
   /// The same result whatever the number of threads. Images must be CV_8UC1.
   DetectedFeatures detect(const StereoImages& images, ThreadPool* threads);
 
+  /// Points of the coarser levels of the pyramid, which detect() leaves out: noise is averaged out
+  /// there, and soft spots are corners.
+  DetectedFeatures detectCoarserPoints(const StereoImages& images, ThreadPool* threads);
+
  private:
   /// What finds the lines of one image, with its scratch memory.
   struct LineStage {

@@ -11,6 +11,7 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kBorder = OrbDescriptor::kBorder;
+constexpr double kThresholdPerLevel = 0.71;  // weaker contrast shows where pixels are averaged
 static_assert(kBorder >= FastCorners::kMinBorder, "the corner test reads as far");
 
 /// The strongest corners of each cell, cells in reading order.
@@ -77,17 +78,15 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
                                 std::vector<PointFeature>* features) {
   const cv::Size inside(image.cols - 2 * kBorder, image.rows - 2 * kBorder);
   if (inside.width <= 0 || inside.height <= 0) return;
+  const double threshold = parameters_.fast_threshold * std::pow(kThresholdPerLevel, octave);
   const std::vector<FastCorner>& corners =
-      scratch_->corners.detect(image, parameters_.fast_threshold, kBorder);
+      scratch_->corners.detect(image, std::max(cvRound(threshold), 1), kBorder);
   cv::GaussianBlur(image, scratch_->smooth, cv::Size(7, 7), 2.0, 2.0,
                    cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-  const auto scale = static_cast<float>(std::pow(parameters_.scale_factor, octave));
   for (const FastCorner& corner : scratch_->selector.select(corners, inside, parameters_)) {
     const cv::Point centre(corner.x, corner.y);
     PointFeature feature;
-    // Centres of pixels: level pixel i covers full-resolution pixels (i + 0.5) * scale - 0.5.
-    feature.pixel = {(static_cast<float>(centre.x) + 0.5F) * scale - 0.5F,
-                     (static_cast<float>(centre.y) + 0.5F) * scale - 0.5F};
+    feature.pixel = {static_cast<float>(centre.x), static_cast<float>(centre.y)};
     feature.angle_rad = scratch_->orb.orientation(image, centre);
     feature.response = corner.score;
     feature.octave = octave;
@@ -97,17 +96,32 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
 }
 
 std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) {
+  std::vector<PointFeature> features = detectFinest(image);
+  const std::vector<PointFeature> coarser = detectCoarser(image);
+  features.insert(features.end(), coarser.begin(), coarser.end());
+  return features;
+}
+
+std::vector<PointFeature> PointDetector::detectFinest(const cv::Mat& image) {
   std::vector<PointFeature> features;
-  for (int octave = 0; octave < parameters_.levels; ++octave) {
-    if (octave == 0) {
-      detectLevel(image, octave, &features);
-      continue;
-    }
+  detectLevel(image, 0, &features);
+  return features;
+}
+
+std::vector<PointFeature> PointDetector::detectCoarser(const cv::Mat& image) {
+  std::vector<PointFeature> features;
+  for (int octave = 1; octave < parameters_.levels; ++octave) {
     const double scale = std::pow(parameters_.scale_factor, octave);
     const cv::Size size(cvRound(image.cols / scale), cvRound(image.rows / scale));
     if (size.width <= 2 * kBorder || size.height <= 2 * kBorder) break;
-    cv::resize(image, scratch_->level, size, 0, 0, cv::INTER_LINEAR);
+    cv::resize(image, scratch_->level, size, 0, 0, cv::INTER_AREA);
+    const std::size_t begin = features.size();
     detectLevel(scratch_->level, octave, &features);
+    // Centres of pixels: level pixel i covers full-resolution pixels (i + 0.5) * ratio - 0.5.
+    const Eigen::Array2f ratio(static_cast<float>(image.cols) / static_cast<float>(size.width),
+                               static_cast<float>(image.rows) / static_cast<float>(size.height));
+    for (std::size_t i = begin; i < features.size(); ++i)
+      features[i].pixel = (features[i].pixel.array() + 0.5F) * ratio - 0.5F;
   }
   return features;
 }

@@ -32,7 +32,21 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
     }
     if (task >= 2 && points_enabled_) {
       (left ? features.points_left : features.points_right) =
-          point_detectors_[left ? 0 : 1].detect(image);
+          point_detectors_[left ? 0 : 1].detectFinest(image);
+    }
+  });
+  return features;
+}
+
+DetectedFeatures StereoFeatureDetector::detectCoarserPoints(const StereoImages& images,
+                                                            ThreadPool* threads) {
+  DetectedFeatures features;
+  if (!points_enabled_) return features;
+  threads->run(2, [&](int task) {
+    if (task == 0) {
+      features.points_left = point_detectors_[0].detectCoarser(images.left);
+    } else {
+      features.points_right = point_detectors_[1].detectCoarser(images.right);
     }
   });
   return features;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "matching/patch_warp.h"
 
@@ -95,21 +96,66 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   return point;
 }
 
-}  // namespace
-
-void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
-                        ThreadPool* threads, StereoFrame* frame) {
-  const DetectedFeatures& features = frame->features;
+/// Appends the points of stereo matches that can be triangulated.
+void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext& context,
+                       ThreadPool* threads, StereoFrame* frame) {
   std::vector<std::vector<StereoPoint>> parts(static_cast<std::size_t>(threads->numThreads()));
-  const std::vector<IndexPair>& points = matches.points;
-  threads->runParts(points.size(), [&](int part, std::size_t begin, std::size_t end) {
+  threads->runParts(matches.size(), [&](int part, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const std::optional<StereoPoint> point = triangulate(features, points[i], context);
+      const std::optional<StereoPoint> point = triangulate(frame->features, matches[i], context);
       if (point) parts[static_cast<std::size_t>(part)].push_back(*point);
     }
   });
   for (const std::vector<StereoPoint>& part : parts)
     frame->points.insert(frame->points.end(), part.begin(), part.end());
+}
+
+}  // namespace
+
+PointCoverage::PointCoverage(const StereoFrame& frame, const FrameContext& context)
+    : cell_size_(static_cast<float>(context.parameters.points.cell_size_px)),
+      columns_(static_cast<std::size_t>(frame.left_image.cols /
+                                        context.parameters.points.cell_size_px) +
+               1),
+      counts_(columns_ * (static_cast<std::size_t>(frame.left_image.rows /
+                                                   context.parameters.points.cell_size_px) +
+                          1)) {
+  for (const StereoPoint& point : frame.points)
+    ++counts_[cellOf(frame.features.points_left[point.left].pixel)];
+}
+
+std::size_t PointCoverage::cellOf(const Eigen::Vector2f& pixel) const {
+  return static_cast<std::size_t>(pixel.y() / cell_size_) * columns_ +
+         static_cast<std::size_t>(pixel.x() / cell_size_);
+}
+
+bool PointCoverage::isPoor() const {
+  constexpr double kManyCells = 0.6;  // half the cells are short where there is sky and a plain road
+  const auto few = std::count_if(counts_.begin(), counts_.end(), [](int n) { return n < kFew; });
+  return static_cast<double>(few) > kManyCells * static_cast<double>(counts_.size());
+}
+
+void addCoarserPoints(const DetectedFeatures& coarser, const PointCoverage& coverage,
+                      const FrameContext& context, ThreadPool* threads, StereoFrame* frame) {
+  DetectedFeatures& features = frame->features;
+  const auto first_left = static_cast<int>(features.points_left.size());
+  const auto first_right = static_cast<int>(features.points_right.size());
+  std::vector<PointFeature> left;
+  std::copy_if(coarser.points_left.begin(), coarser.points_left.end(), std::back_inserter(left),
+               [&](const PointFeature& point) { return coverage.isShortAt(point.pixel); });
+  std::vector<IndexPair> pairs =
+      matchPointsStereo(left, coarser.points_right, context.parameters.matching, threads);
+  for (IndexPair& pair : pairs) pair = {first_left + pair.first, first_right + pair.second};
+  features.points_left.insert(features.points_left.end(), left.begin(), left.end());
+  features.points_right.insert(features.points_right.end(), coarser.points_right.begin(),
+                               coarser.points_right.end());
+  triangulatePoints(pairs, context, threads, frame);
+}
+
+void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
+                        ThreadPool* threads, StereoFrame* frame) {
+  const DetectedFeatures& features = frame->features;
+  triangulatePoints(matches.points, context, threads, frame);
 
   const LineTriangulationLimits limits = lineLimits(context.parameters);
   for (const IndexPair& match : matches.lines) {

@@ -127,12 +127,10 @@ MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const St
   const double found = shareFound(earlier, context_.camera, measurement.direct);
   if (found >= kShareFound) return measurement;
   const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(earlier, curr);
-  if (getenv("DBG")) fprintf(stderr, "DBG wide: narrow %.2f consensus %d\n", found, int(bool(T_curr_earlier)));
   if (!T_curr_earlier) return measurement;
   MotionMeasurement anew = measureNear(
       earlier, curr, {*T_curr_earlier, parameters_.matching.search_radius_px}, stages, threads);
   const double found_anew = shareFound(earlier, context_.camera, anew.direct);
-  if (getenv("DBG")) fprintf(stderr, "DBG wide: %.2f\n", found_anew);
   return found_anew > found ? anew : measurement;
 }
 
@@ -151,7 +149,6 @@ std::optional<Eigen::Isometry3d> MotionMeter::searchWidely(const StereoFrame& ea
     points.push_back(point);
   }
   const std::optional<MotionConsensus> consensus = findConsensus(points, context_.camera);
-  if (getenv("DBG")) fprintf(stderr, "DBG appearance matches %zu inl %d\n", points.size(), consensus ? consensus->num_inliers : 0);
   if (!consensus) return std::nullopt;
   return consensus->T_curr_prev;
 }

@@ -184,8 +184,19 @@ StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTi
     const StageTimer timer(times, Stage::kMatchStereo);
     matches = matchStereo(frame.features, parameters_.matching, threads_.get());
   }
-  const StageTimer timer(times, Stage::kTriangulate);
-  triangulateMatches(matches, context, threads_.get(), &frame);
+  {
+    const StageTimer timer(times, Stage::kTriangulate);
+    triangulateMatches(matches, context, threads_.get(), &frame);
+  }
+  const PointCoverage coverage(frame, context);
+  if (getenv("DBG")) fprintf(stderr, "cover points %zu poor %d\n", frame.points.size(), int(coverage.isPoor()));
+  if (parameters_.points.levels > 1 && coverage.isPoor()) {
+    const StageTimer timer(times, Stage::kDetect);
+    const DetectedFeatures coarser =
+        detector_.detectCoarserPoints(context.images, threads_.get());
+    addCoarserPoints(coarser, coverage, context, threads_.get(), &frame);
+  if (getenv("DBG")) fprintf(stderr, "coarser %zu %zu points %zu\n", coarser.points_left.size(), coarser.points_right.size(), frame.points.size());
+  }
   return frame;
 }
 
