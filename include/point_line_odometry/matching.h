@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "point_line_odometry/features.h"
+#include "point_line_odometry/image_pyramid.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/thread_pool.h"
@@ -50,7 +51,7 @@ struct StereoLine {
 /// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
-  cv::Mat left_image;  ///< a copy: sub-pixel matching of the next frames looks at it
+  ImagePyramid left_image;  ///< a copy: sub-pixel matching of the next frames looks at it
   DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;

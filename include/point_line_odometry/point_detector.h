@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "point_line_odometry/features.h"
+#include "point_line_odometry/image_pyramid.h"
 #include "point_line_odometry/parameters.h"
 
 namespace point_line_odometry {
@@ -25,7 +26,7 @@ class PointDetector {
 
   /// Those of the finest level alone, and those of all others.
   std::vector<PointFeature> detectFinest(const cv::Mat& image);
-  std::vector<PointFeature> detectCoarser(const cv::Mat& image);
+  std::vector<PointFeature> detectCoarser(const ImagePyramid& pyramid);
 
  private:
   struct Scratch;

@@ -20,7 +20,8 @@ class StereoFeatureDetector {
 
   /// Points of the coarser levels of the pyramid, which detect() leaves out: noise is averaged out
   /// there, and soft spots are corners.
-  DetectedFeatures detectCoarserPoints(const StereoImages& images, ThreadPool* threads);
+  DetectedFeatures detectCoarserPoints(const ImagePyramid& left, const ImagePyramid& right,
+                                       ThreadPool* threads);
 
  private:
   /// What finds the lines of one image, with its scratch memory.

@@ -65,7 +65,6 @@ struct PointDetector::Scratch {
   CellSelector selector;
   OrbDescriptor orb;
   cv::Mat smooth;
-  cv::Mat level;
 };
 
 PointDetector::PointDetector(const PointParameters& parameters)
@@ -97,7 +96,7 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
 
 std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) {
   std::vector<PointFeature> features = detectFinest(image);
-  const std::vector<PointFeature> coarser = detectCoarser(image);
+  const std::vector<PointFeature> coarser = detectCoarser(ImagePyramid(image, parameters_));
   features.insert(features.end(), coarser.begin(), coarser.end());
   return features;
 }
@@ -108,20 +107,14 @@ std::vector<PointFeature> PointDetector::detectFinest(const cv::Mat& image) {
   return features;
 }
 
-std::vector<PointFeature> PointDetector::detectCoarser(const cv::Mat& image) {
+std::vector<PointFeature> PointDetector::detectCoarser(const ImagePyramid& pyramid) {
   std::vector<PointFeature> features;
-  for (int octave = 1; octave < parameters_.levels; ++octave) {
-    const double scale = std::pow(parameters_.scale_factor, octave);
-    const cv::Size size(cvRound(image.cols / scale), cvRound(image.rows / scale));
-    if (size.width <= 2 * kBorder || size.height <= 2 * kBorder) break;
-    cv::resize(image, scratch_->level, size, 0, 0, cv::INTER_AREA);
+  for (std::size_t level = 1; level < pyramid.levels.size(); ++level) {
+    const int octave = static_cast<int>(level);
     const std::size_t begin = features.size();
-    detectLevel(scratch_->level, octave, &features);
-    // Centres of pixels: level pixel i covers full-resolution pixels (i + 0.5) * ratio - 0.5.
-    const Eigen::Array2f ratio(static_cast<float>(image.cols) / static_cast<float>(size.width),
-                               static_cast<float>(image.rows) / static_cast<float>(size.height));
+    detectLevel(pyramid.levels[level], octave, &features);
     for (std::size_t i = begin; i < features.size(); ++i)
-      features[i].pixel = (features[i].pixel.array() + 0.5F) * ratio - 0.5F;
+      features[i].pixel = pyramid.fromLevel(features[i].pixel, octave);
   }
   return features;
 }

@@ -38,15 +38,16 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   return features;
 }
 
-DetectedFeatures StereoFeatureDetector::detectCoarserPoints(const StereoImages& images,
+DetectedFeatures StereoFeatureDetector::detectCoarserPoints(const ImagePyramid& left,
+                                                            const ImagePyramid& right,
                                                             ThreadPool* threads) {
   DetectedFeatures features;
   if (!points_enabled_) return features;
   threads->run(2, [&](int task) {
     if (task == 0) {
-      features.points_left = point_detectors_[0].detectCoarser(images.left);
+      features.points_left = point_detectors_[0].detectCoarser(left);
     } else {
-      features.points_right = point_detectors_[1].detectCoarser(images.right);
+      features.points_right = point_detectors_[1].detectCoarser(right);
     }
   });
   return features;

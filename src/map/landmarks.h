@@ -84,9 +84,11 @@ struct MapPoint {
   std::uint64_t id = 0;
   PointBelief place;  ///< in the map [m]
   Sightings sightings;
-  /// Where one pixel of the patch to the right, and one down, lead on the surface, in the map [m].
+  int octave = 0;  ///< of the images in which it is looked for
+  /// Where one pixel of the left image that made it to the right, and one down, lead on the
+  /// surface, in the map [m].
   PixelAxes patch_axes = PixelAxes::Zero();
-  std::array<std::uint8_t, kPatchSide * kPatchSide> patch{};  ///< of the left image that made it
+  std::array<std::uint8_t, kPatchSide * kPatchSide> patch{};  ///< of that image, in its octave
   Descriptor left{};
   Descriptor right{};
 };

@@ -48,7 +48,10 @@ MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
   point.place.spread = R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
   point.patch_axes = R * stereo.pixel_axes;
   cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
-  cv::getRectSubPix(frame.left_image, patch.size(), {feature.pixel.x(), feature.pixel.y()}, patch);
+  point.octave = feature.octave;
+  const Eigen::Vector2f pixel = frame.left_image.toLevel(feature.pixel, feature.octave);
+  cv::getRectSubPix(frame.left_image.levels[static_cast<std::size_t>(feature.octave)], patch.size(),
+                    {pixel.x(), pixel.y()}, patch);
   point.left = feature.descriptor;
   point.right = frame.features.points_right[stereo.right].descriptor;
   return point;

@@ -7,7 +7,7 @@ namespace point_line_odometry {
 
 double pointSigma(const FrameContext& context, double alignment_noise_px, double scale) {
   const double by_parameters =
-      scale * std::hypot(context.parameters.motion.point_noise_px, alignment_noise_px);
+      std::hypot(scale * context.parameters.motion.point_noise_px, alignment_noise_px);
   return std::sqrt(context.noise.point_variance) * by_parameters;
 }
 
@@ -32,17 +32,30 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
   return sight;
 }
 
-std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vector2f& left_px,
+std::optional<AlignedPatch> alignInOctave(const PatchAligner& patch, const ImagePyramid& image,
+                                          int octave, const Eigen::Vector2f& initial_px) {
+  const auto level = static_cast<std::size_t>(octave);
+  if (level >= image.levels.size()) return std::nullopt;
+  auto aligned = patch.align(image.levels[level], image.toLevel(initial_px, octave));
+  if (!aligned) return std::nullopt;
+  aligned->pixel = image.fromLevel(aligned->pixel, octave);
+  aligned->noise_px *= image.ratio(octave).maxCoeff();
+  return aligned;
+}
+
+std::optional<PointSight> alignPoint(const StereoPatch& patch, int octave,
+                                     const Eigen::Vector2f& left_px,
                                      const Eigen::Vector2f& right_px, const FrameContext& context) {
-  const auto left = patch.left.align(context.images.left, left_px);
+  const auto left = alignInOctave(patch.left, context.left, octave, left_px);
   if (!left) return std::nullopt;
-  const auto right = patch.right.align(context.images.right, right_px);
-  const double max_rows = context.parameters.matching.max_row_difference_px;
+  const auto right = alignInOctave(patch.right, context.right, octave, right_px);
+  const float scale = context.left.ratio(octave).maxCoeff();
+  const double max_rows = scale * context.parameters.matching.max_row_difference_px;
   if (!right || std::abs(right->pixel.y() - left->pixel.y()) > max_rows) return std::nullopt;
   PointSight sight;
   sight.left_px = left->pixel.cast<double>();
   sight.right_px = context.correction.apply(right->pixel.cast<double>());
-  sight.sigma_px = pointSigma(context, std::max(left->noise_px, right->noise_px), 1.0);
+  sight.sigma_px = pointSigma(context, std::max(left->noise_px, right->noise_px), scale);
   return sight;
 }
 

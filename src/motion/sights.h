@@ -19,10 +19,12 @@ struct FrameContext {
   const RightImageCorrection& correction;  ///< of what is seen in the right image
   const Parameters& parameters;
   NoiseScale noise = {};
+  ImagePyramid left = ImagePyramid(images.left, parameters.points);
+  ImagePyramid right = ImagePyramid(images.right, parameters.points);
 };
 
-/// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, and that of its
-/// alignment. \param scale of the pyramid level in which the point was found.
+/// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, in pixels of its
+/// level, and that of its alignment. \param scale of the pyramid level in which the point was found.
 double pointSigma(const FrameContext& context, double alignment_noise_px, double scale);
 
 /// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise
@@ -37,7 +39,14 @@ LineSight lineSight(const DetectedFeatures& features, const StereoLine& line,
 
 /// The place where a point of the map or of an earlier frame is seen: its patch is aligned in both
 /// images of the current frame, from where it is expected. Nothing if it is not found in both.
-std::optional<PointSight> alignPoint(const StereoPatch& patch, const Eigen::Vector2f& left_px,
+/// \param octave of the patch, and of the images in which it is looked for.
+std::optional<PointSight> alignPoint(const StereoPatch& patch, int octave,
+                                     const Eigen::Vector2f& left_px,
                                      const Eigen::Vector2f& right_px, const FrameContext& context);
+
+/// Aligns a patch of an octave in that of an image. \param initial_px and the result are pixels of
+/// the image itself.
+std::optional<AlignedPatch> alignInOctave(const PatchAligner& patch, const ImagePyramid& image,
+                                          int octave, const Eigen::Vector2f& initial_px);
 
 }  // namespace point_line_odometry

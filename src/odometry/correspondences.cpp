@@ -27,20 +27,35 @@ LineSegment corrected(const LineSegment& right, const RightImageCorrection& corr
 }
 
 /// A pixel of the left image in the right one, on a surface that need not face the cameras.
-std::optional<AlignedPatch> alignStereo(const StereoImages& images, const Eigen::Vector2f& left_px,
+std::optional<AlignedPatch> alignStereo(const cv::Mat& left_image, const cv::Mat& right_image,
+                                        const Eigen::Vector2f& left_px,
                                         const Eigen::Vector2f& right_px) {
-  const PatchAligner patch(images.left, left_px);
-  auto facing = patch.align(images.right, right_px);
-  const auto slanted = patch.alignSlanted(images.right, facing ? facing->pixel : right_px);
+  const PatchAligner patch(left_image, left_px);
+  auto facing = patch.align(right_image, right_px);
+  const auto slanted = patch.alignSlanted(right_image, facing ? facing->pixel : right_px);
   if (!slanted) return facing;
   // The next frames will look for the patch as it is seen there. Looked for in the same way, it is
   // found at the same place: the two ways differ by hundredths of a pixel, which are no motion.
   Eigen::Matrix2f right_by_left = Eigen::Matrix2f::Identity();
   right_by_left.row(0) += slanted->slope.transpose();
-  const PatchAligner as_seen(images.left, left_px, right_by_left.inverse());
-  auto seen = as_seen.align(images.right, slanted->pixel);
+  const PatchAligner as_seen(left_image, left_px, right_by_left.inverse());
+  auto seen = as_seen.align(right_image, slanted->pixel);
   if (seen) seen->slope = slanted->slope;
   return seen;
+}
+
+/// The same in the octave of the point; pixels are those of the images themselves.
+std::optional<AlignedPatch> alignStereo(const FrameContext& context, const PointFeature& left,
+                                        const PointFeature& right) {
+  const int octave = left.octave;
+  const auto level = static_cast<std::size_t>(octave);
+  auto aligned = alignStereo(context.left.levels[level], context.right.levels[level],
+                             context.left.toLevel(left.pixel, octave),
+                             context.right.toLevel(right.pixel, octave));
+  if (!aligned) return std::nullopt;
+  aligned->pixel = context.right.fromLevel(aligned->pixel, octave);
+  aligned->noise_px *= context.right.ratio(octave).maxCoeff();
+  return aligned;
 }
 
 /// A stereo point, or nothing if it has no disparity.
@@ -50,7 +65,7 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   const MatchingParameters& matching = context.parameters.matching;
   AlignedPatch right{features.points_right[match.second].pixel};
   if (matching.refine_subpixel) {
-    const auto found = alignStereo(context.images, left.pixel, right.pixel);
+    const auto found = alignStereo(context, left, features.points_right[match.second]);
     if (!found) return std::nullopt;
     right = *found;
   }
@@ -67,11 +82,13 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
 /// The patch round a point of an earlier frame as both images of the current one should see it.
 StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
                     const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
-  const Eigen::Vector2f& pixel = earlier.features.points_left[point.left].pixel;
+  const PointFeature& feature = earlier.features.points_left[point.left];
+  const cv::Mat& image = earlier.left_image.levels[static_cast<std::size_t>(feature.octave)];
+  const Eigen::Vector2f pixel = earlier.left_image.toLevel(feature.pixel, feature.octave);
   const auto warp = stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
                                     T_curr_earlier.linear() * point.pixel_axes);
-  if (warp) return StereoPatch(earlier.left_image, pixel, *warp);
-  return StereoPatch(PatchAligner(earlier.left_image, pixel));
+  if (warp) return StereoPatch(image, pixel, *warp);
+  return StereoPatch(PatchAligner(image, pixel));
 }
 
 PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoPoint& before,
@@ -82,8 +99,9 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   AlignedPatch right{curr.features.points_right[now.right].pixel};
   if (context.parameters.matching.refine_subpixel) {
     const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
-    left = patch.left.align(context.images.left, left.pixel).value_or(left);
-    right = patch.right.align(context.images.right, right.pixel).value_or(right);
+    const int octave = earlier.features.points_left[before.left].octave;
+    left = alignInOctave(patch.left, context.left, octave, left.pixel).value_or(left);
+    right = alignInOctave(patch.right, context.right, octave, right.pixel).value_or(right);
   }
   PointCorrespondence point;
   point.p_prev = before.triangulated.p_camera;
@@ -114,10 +132,10 @@ void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext
 
 PointCoverage::PointCoverage(const StereoFrame& frame, const FrameContext& context)
     : cell_size_(static_cast<float>(context.parameters.points.cell_size_px)),
-      columns_(static_cast<std::size_t>(frame.left_image.cols /
+      columns_(static_cast<std::size_t>(frame.left_image.levels.front().cols /
                                         context.parameters.points.cell_size_px) +
                1),
-      counts_(columns_ * (static_cast<std::size_t>(frame.left_image.rows /
+      counts_(columns_ * (static_cast<std::size_t>(frame.left_image.levels.front().rows /
                                                    context.parameters.points.cell_size_px) +
                           1)) {
   for (const StereoPoint& point : frame.points)

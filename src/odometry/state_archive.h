@@ -38,8 +38,8 @@ inline auto stateOf(Sightings& sightings) {
 }
 
 inline auto stateOf(MapPoint& point) {
-  auto& [id, place, sightings, patch_axes, patch, left, right] = point;
-  return std::tie(id, place, sightings, patch_axes, patch, left, right);
+  auto& [id, place, sightings, octave, patch_axes, patch, left, right] = point;
+  return std::tie(id, place, sightings, octave, patch_axes, patch, left, right);
 }
 
 inline auto stateOf(MapLine& line) {
@@ -95,6 +95,11 @@ inline auto stateOf(StereoPoint& point) {
 inline auto stateOf(StereoLine& line) {
   auto& [left, right, triangulated] = line;
   return std::tie(left, right, triangulated);
+}
+
+inline auto stateOf(ImagePyramid& pyramid) {
+  auto& [levels] = pyramid;
+  return std::tie(levels);
 }
 
 inline auto stateOf(StereoFrame& frame) {

@@ -176,7 +176,8 @@ StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTi
   frame.stamp_ns = context.images.stamp_ns;
   {
     const StageTimer timer(times, Stage::kDetect);
-    context.images.left.copyTo(frame.left_image);
+    frame.left_image = context.left;
+    frame.left_image.levels.front() = context.images.left.clone();
     frame.features = detector_.detect(context.images, threads_.get());
   }
   StereoMatches matches;
@@ -189,13 +190,11 @@ StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTi
     triangulateMatches(matches, context, threads_.get(), &frame);
   }
   const PointCoverage coverage(frame, context);
-  if (getenv("DBG")) fprintf(stderr, "cover points %zu poor %d\n", frame.points.size(), int(coverage.isPoor()));
   if (parameters_.points.levels > 1 && coverage.isPoor()) {
     const StageTimer timer(times, Stage::kDetect);
     const DetectedFeatures coarser =
-        detector_.detectCoarserPoints(context.images, threads_.get());
+        detector_.detectCoarserPoints(context.left, context.right, threads_.get());
     addCoarserPoints(coarser, coverage, context, threads_.get(), &frame);
-  if (getenv("DBG")) fprintf(stderr, "coarser %zu %zu points %zu\n", coarser.points_left.size(), coarser.points_right.size(), frame.points.size());
   }
   return frame;
 }

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "point_line_odometry/parameters.h"
+
+namespace point_line_odometry {
+
+/// An image and smaller copies of it, each pixel the mean of those that it covers: noise is
+/// averaged out in them. Levels are named by their octave; that of the image itself is 0.
+struct ImagePyramid {
+  std::vector<cv::Mat> levels;  ///< CV_8UC1, the finest first
+
+  ImagePyramid() = default;
+
+  /// \param image is shared, not copied. Levels that are too small for a corner are left out.
+  ImagePyramid(const cv::Mat& image, const PointParameters& parameters);
+
+  /// Pixels of the image per pixel of a level, along x and y.
+  Eigen::Array2f ratio(int octave) const;
+
+  /// Where a pixel of the image lies in a level, and back: centres of pixels, level pixel i covers
+  /// pixels (i + 0.5) * ratio - 0.5.
+  Eigen::Vector2f toLevel(const Eigen::Vector2f& pixel, int octave) const {
+    return (pixel.array() + 0.5F) / ratio(octave) - 0.5F;
+  }
+  Eigen::Vector2f fromLevel(const Eigen::Vector2f& pixel, int octave) const {
+    return (pixel.array() + 0.5F) * ratio(octave) - 0.5F;
+  }
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,30 @@
+#include "point_line_odometry/image_pyramid.h"
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "features/orb_descriptor.h"
+
+namespace point_line_odometry {
+
+ImagePyramid::ImagePyramid(const cv::Mat& image, const PointParameters& parameters)
+    : levels{image} {
+  constexpr int kSmallest = 2 * OrbDescriptor::kBorder;
+  for (int octave = 1; octave < parameters.levels; ++octave) {
+    const double scale = std::pow(parameters.scale_factor, octave);
+    const cv::Size size(cvRound(image.cols / scale), cvRound(image.rows / scale));
+    if (size.width <= kSmallest || size.height <= kSmallest) break;
+    cv::Mat level;
+    cv::resize(levels.back(), level, size, 0.0, 0.0, cv::INTER_AREA);
+    levels.push_back(level);
+  }
+}
+
+Eigen::Array2f ImagePyramid::ratio(int octave) const {
+  const cv::Size image = levels.front().size();
+  const cv::Size level = levels[static_cast<std::size_t>(octave)].size();
+  return {static_cast<float>(image.width) / static_cast<float>(level.width),
+          static_cast<float>(image.height) / static_cast<float>(level.height)};
+}
+
+}  // namespace point_line_odometry
