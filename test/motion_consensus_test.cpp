@@ -183,11 +183,17 @@ TEST(FindConsensus, DegenerateMatchesDoNoHarm) {
 }
 
 TEST(FindConsensus, PointsBehindTheCameraAreNoInliers) {
+  const StereoCamera camera = synthetic::camera();
   auto matches = mixedMatches(farMotion(), 100, 100, 2);
-  // The image of a point is that of its mirror image in the camera's centre, too.
-  for (std::size_t i = 0; i < 30; ++i)
-    matches[i].p_prev = farMotion().inverse() * -(farMotion() * matches[i].p_prev);
-  const auto consensus = findConsensus(matches, synthetic::camera());
+  // Far away, a point and its mirror image in the camera's centre have nearly the same images.
+  for (std::size_t i = 0; i < 30; ++i) {
+    const Vector3d p = farMotion() * matches[i].p_prev;
+    const Vector3d far = 300.0 / p.z() * p;
+    matches[i].p_prev = farMotion().inverse() * -far;
+    matches[i].left_px = camera.projectLeft(far);
+    matches[i].right_px = camera.projectRight(far);
+  }
+  const auto consensus = findConsensus(matches, camera);
   ASSERT_TRUE(consensus);
   for (std::size_t i = 0; i < 30; ++i) EXPECT_FALSE(consensus->inliers[i]);
   EXPECT_LT((consensus->T_curr_prev.translation() - farMotion().translation()).norm(), 0.3);

@@ -242,7 +242,7 @@ TEST(PointDetector, CoarserLevelsShowSoftSpotsInTheDark) {
   for (int y = 100; y <= 200; y += 50) {
     for (int x = 100; x <= 300; x += 50) {
       cv::Mat spot(image.size(), CV_32FC1, cv::Scalar(0.0));
-      cv::circle(spot, cv::Point(x, y), 5, cv::Scalar(22.0), cv::FILLED);
+      cv::circle(spot, cv::Point(x, y), 5, cv::Scalar(14.0), cv::FILLED);
       cv::GaussianBlur(spot, spot, {}, 2.0);
       image += spot;
       spots.emplace_back(x, y);
