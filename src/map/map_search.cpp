@@ -70,8 +70,8 @@ void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_
   threads->runParts(points.size(), [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (!views[i] || !views[i]->look) continue;
-      found[i] = alignPoint(patchOf(points[i], views[i]->warp), points[i].octave,
-                            views[i]->left_px, views[i]->right_px, context);
+      found[i] = alignPoint(patchOf(points[i], views[i]->warp), points[i].octave, views[i]->left_px,
+                            views[i]->right_px, context);
     }
   });
   sights->point_in_view.resize(points.size());

@@ -41,13 +41,13 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
     return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
            left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
   };
-  const auto points = std::count_if(
-      earlier.points.begin(), earlier.points.end(),
-      [&](const StereoPoint& point) { return in_view(point.triangulated.p_camera); });
+  const auto points =
+      std::count_if(earlier.points.begin(), earlier.points.end(),
+                    [&](const StereoPoint& point) { return in_view(point.triangulated.p_camera); });
   const auto lines =
       std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
-        return line.triangulated && (in_view(line.triangulated->start_camera) ||
-                                     in_view(line.triangulated->end_camera));
+        return line.triangulated &&
+               (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
       });
   const auto found = static_cast<double>(motion.num_point_inliers + motion.num_line_inliers);
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
@@ -154,8 +154,8 @@ std::optional<Eigen::Isometry3d> MotionMeter::searchWidely(const StereoFrame& ea
 }
 
 MotionMeasurement MotionMeter::measureNear(const StereoFrame& earlier, const StereoFrame& curr,
-                                           const MotionPrediction& prediction,
-                                           const Stages& stages, ThreadPool* threads) const {
+                                           const MotionPrediction& prediction, const Stages& stages,
+                                           ThreadPool* threads) const {
   MotionMeasurement measurement;
   {
     const StageTimer timer(times_, stages.match);

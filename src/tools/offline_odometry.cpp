@@ -39,7 +39,7 @@ struct Options {
   std::string left_topic;
   std::string right_topic;
   double max_interval_s = 0.0;
-  long max_frames = 0;      // 0: all
+  long max_frames = 0;  // 0: all
   long every = 1;
   double scale = 1.0;
   long features_every = 0;  // 0: no picture
