@@ -24,10 +24,10 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr std::uint32_t kWidth = 48;
-constexpr std::uint32_t kHeight = 36;
+constexpr std::uint32_t kWidth = 32;
+constexpr std::uint32_t kHeight = 24;
 constexpr std::size_t kMaxPixelBytes = 1U << 16U;  // more only makes the fuzzer slow
-constexpr int kMaxFrames = 60;
+constexpr int kMaxFrames = 30;
 constexpr std::int64_t kPeriod_ns = 50000000;
 constexpr std::int64_t kBegin_ns = 1000000000000;
 constexpr double kArrivalPeriod_s = 0.05;
@@ -87,9 +87,9 @@ Frame plainFrame(std::int64_t stamp_ns) {
     info.height = kHeight;
     info.distortion_model = "plumb_bob";
     info.D.assign(5, 0.0);
-    info.K = {40, 0, 24, 0, 40, 18, 0, 0, 1};
+    info.K = {40, 0, 16, 0, 40, 12, 0, 0, 1};
     info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    info.P = {40, 0, 24, 0, 0, 40, 18, 0, 0, 0, 1, 0};
+    info.P = {40, 0, 16, 0, 0, 40, 12, 0, 0, 0, 1, 0};
   }
   frame.infos[1].P[3] = -8.0;
   for (std::size_t topic = 0; topic < kNumStereoTopics; ++topic) {
@@ -330,6 +330,7 @@ AllParameters takeParameters(ByteReader* bytes) {
   const std::uint8_t choice = bytes->take<std::uint8_t>();
   AllParameters parameters;
   parameters.core.tracking.threads = 1;
+  parameters.core.lines.enabled = false;  // there are none, and looking for them takes long
   parameters.node.initial_pose.x = 1.0;
   parameters.node.approximate_sync = (choice & 1U) != 0;
   parameters.node.rectify = (choice & 2U) != 0;
