@@ -119,8 +119,9 @@ void Course::planSpeed() {
     const Place place = evaluate(static_cast<double>(i % steps) / kStepsPerControl);
     const double curvature =
         place.velocity.cross(place.acceleration).norm() / std::pow(place.velocity.norm(), 3);
-    knots_[i].speed_m_s =
-        std::min(style_.cruise_m_s, std::sqrt(style_.lateral_m_s2 / std::max(curvature, 1e-9)));
+    const double bend = std::max(curvature, 1e-9);
+    knots_[i].speed_m_s = std::min(
+        {style_.cruise_m_s, std::sqrt(style_.lateral_m_s2 / bend), style_.turn_rad_s / bend});
   }
   const auto limit = [this](const Knot& from, Knot* to, double distance) {
     const double most = from.speed_m_s * from.speed_m_s + 2.0 * style_.longitudinal_m_s2 * distance;

@@ -12,6 +12,7 @@ struct MotionStyle {
   double cruise_m_s = 1.0;         ///< speed where the course is straight
   double lateral_m_s2 = 2.0;       ///< acceleration towards the inside that curves are driven with
   double longitudinal_m_s2 = 1.0;  ///< acceleration along the course
+  double turn_rad_s = 1e9;         ///< rate at which curves are turned, at most
   Eigen::Vector3d sway_m = Eigen::Vector3d::Zero();    ///< forward, left, up
   Eigen::Vector3d sway_rad = Eigen::Vector3d::Zero();  ///< roll, pitch, yaw
   double sway_hz = 0.5;  ///< slowest of the frequencies that are mixed

@@ -18,6 +18,7 @@ enum class Pattern : std::uint8_t {
   kPicture,  ///< shapes and lettering of strong contrast: posters, signs, screens
   kShelf,    ///< boards with books of many widths, heights and tones
   kLeaves,   ///< foliage
+  kSpots,    ///< soft round spots of 3 to 20 cm: plaster, concrete, carpet
 };
 
 /// Rows of recessed windows in a wall [m].

@@ -18,6 +18,13 @@ struct Lighting {
   double direct = 0.4;
 };
 
+/// How a camera takes the pictures where nothing else is asked for.
+struct Exposure {
+  double shutter_ms = 0.0;
+  int instants = 16;   ///< at which the shutter's time is sampled, at most
+  double noise = 1.5;  ///< standard deviation at middle grey [grey levels]
+};
+
 /// An object at a place; many instances may share an object.
 struct Instance {
   std::size_t object = 0;
@@ -49,6 +56,7 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Mover> movers;
   Lighting lighting;
+  Exposure exposure;
   double haze_m = 1e9;  ///< distance at which half of the contrast is left
   std::uint32_t seed = 0;
   Course course;
@@ -63,6 +71,9 @@ Scene makeIndoor(std::uint32_t seed);
 
 /// A flight along the plain walls of a corridor: few corners, many edges.
 Scene makeCorridor(std::uint32_t seed);
+
+/// A fast flight through dark rooms of plaster: soft spots that the noise hides, few edges.
+Scene makePlaster(std::uint32_t seed);
 
 /// Where the objects that move are at a time.
 std::vector<Instance> placeMovers(const Scene& scene, double time_s);
