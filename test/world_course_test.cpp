@@ -112,8 +112,8 @@ TEST(Course, SwayIsSmoothAndScales) {
 /// Whether a point is inside a wall or thing: near to a surface that it has just passed.
 TEST(Scenes, CoursesAreClosedAndSmoothInAllOfThem) {
   for (std::uint32_t seed = 1; seed < 6; ++seed) {
-    for (const Scene& scene :
-         {makeStreet(seed, 0, 0.0), makeIndoor(seed), makeCorridor(seed), makePlaster(seed)}) {
+    for (const Scene& scene : {makeStreet(seed, {}), makeStreet(seed, {0, 0.0, 1.0}),
+                               makeIndoor(seed), makeCorridor(seed), makePlaster(seed)}) {
       const Course& course = scene.course;
       ASSERT_GT(course.length_m(), 20.0);
       ASSERT_TRUE(course.at(0.0).isApprox(course.at(course.length_m()), 1e-6));
@@ -158,8 +158,8 @@ bool passesASurface(const Scene& scene, const Vector3d& from, const Vector3d& to
 
 TEST(Scenes, TheCameraRunsIntoNothing) {
   for (std::uint32_t seed = 1; seed < 6; ++seed) {
-    for (const Scene& scene :
-         {makeStreet(seed, 0, 0.0), makeIndoor(seed), makeCorridor(seed), makePlaster(seed)}) {
+    for (const Scene& scene : {makeStreet(seed, {}), makeStreet(seed, {0, 0.0, 1.0}),
+                               makeIndoor(seed), makeCorridor(seed), makePlaster(seed)}) {
       constexpr double kStep = 0.1;
       for (double t = 0.0; t < 150.0; t += kStep) {
         const Vector3d from = scene.course.cameraPose(t, 1.0, 1.0).translation();
@@ -195,7 +195,7 @@ TEST(Scenes, PlasterIsFlownThroughFastWithFastTurns) {
 }
 
 TEST(Scenes, MovingCarsFollowTheRoad) {
-  const Scene scene = makeStreet(4, 6, 0.0);
+  const Scene scene = makeStreet(4, {6});
   ASSERT_EQ(scene.movers.size(), 6U);
   const std::vector<Instance> before = placeMovers(scene, 10.0);
   const std::vector<Instance> after = placeMovers(scene, 10.1);

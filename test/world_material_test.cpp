@@ -175,7 +175,7 @@ TEST(Sky, IsBrightAndSmooth) {
   float high = 0.0F;
   for (int i = 0; i < 360; ++i) {
     const auto angle = static_cast<float>(i * kPi / 180.0);
-    const float value = skyRadiance(7, std::cos(angle), std::sin(angle), 0.2F);
+    const float value = skyRadiance(7, 0.0F, std::cos(angle), std::sin(angle), 0.2F);
     low = std::min(low, value);
     high = std::max(high, value);
   }

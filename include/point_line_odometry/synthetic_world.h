@@ -21,6 +21,7 @@ struct SyntheticWorldOptions {
   double frame_rate_hz = 0.0;
   int moving_objects = 0;
   double open_country = 0.0;
+  double hill = 0.0;
   double exposure_ev = 0.0;
   double motion_blur_ms = -1.0;
   double lens_blur_px = 0.5;
@@ -48,6 +49,10 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
   visit("moving_objects", o.moving_objects, 0, 50, "", "cars on the road (street)");
   visit("open_country", o.open_country, 0.0, 1.0, "",
         "share of the town's blocks that are meadows with a few trees instead (street)");
+  visit(
+      "hill", o.hill, 0.0, 1.5, "",
+      "1: the road leads over a hill of 7 m under clouds before it comes to the town, where little "
+      "is seen but asphalt, lane dashes and sky; other values: times as high (street)");
   visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
   visit("motion_blur_ms", o.motion_blur_ms, -1.0, 100.0, "ms",
         "how long the shutter is open; negative: the scene's own, 15 for plaster, else 0");

@@ -172,6 +172,10 @@ Eigen::Isometry3d Course::at(double arc_m) const {
   pose.linear().col(0) = ahead;
   pose.linear().col(1) = Vector3d(-ahead.y(), ahead.x(), 0.0);
   pose.linear().col(2) = Vector3d::UnitZ();
+  if (style_.follows_slope) {
+    pose.linear().col(0) = place.velocity.normalized();
+    pose.linear().col(2) = pose.linear().col(0).cross(pose.linear().col(1));
+  }
   pose.translation() = place.position;
   return pose;
 }

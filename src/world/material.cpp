@@ -348,14 +348,21 @@ float reflectance(const Material& material, const Patch& patch) {
   return material.windows.pitch_u > 0.0F ? wallWithWindows(material, patch) : wall(material, patch);
 }
 
-float skyRadiance(std::uint32_t seed, float x, float y, float z) {
+float skyRadiance(std::uint32_t seed, float clouds, float x, float y, float z) {
   const float level = std::sqrt(x * x + y * y) + 1e-6F;
   const float height = clampUnit(z / level);
   const float east = 2.0F * x / level;
   const float north = 2.0F * y / level;
   const Patch p{east + 0.7F * height, north - 0.4F * height, 0.0F, 0.0F, 0.0F, 0.0F};
-  const float clouds = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
-  return 0.86F - 0.12F * height + 2.0F * clouds * height;
+  const float mist = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
+  const float misty = 0.86F - 0.12F * height + 2.0F * mist * height;
+  if (clouds <= 0.0F) return misty;
+  const float distance = 1.0F / (height + 0.2F);  // to a layer of clouds
+  const Patch layer{distance * x / level, distance * y / level, 0.0F, 0.0F, 0.0F, 0.0F};
+  const float density = noise(layer, 1.2F, seed + 2) + 0.5F * noise(layer, 0.45F, seed + 3) +
+                        0.3F * noise(layer, 0.17F, seed + 4) + 0.2F * noise(layer, 0.07F, seed + 5);
+  const float cloud = clampUnit(0.45F + 1.1F * density);
+  return misty - 0.3F * clouds * (1.0F - cloud) * clampUnit(6.0F * height);
 }
 
 }  // namespace point_line_odometry::world

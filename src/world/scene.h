@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "world/course.h"
+#include "world/hill.h"
 #include "world/surface.h"
 
 namespace point_line_odometry::world {
@@ -58,13 +59,20 @@ struct Scene {
   Lighting lighting;
   Exposure exposure;
   double haze_m = 1e9;  ///< distance at which half of the contrast is left
+  double clouds = 0.0;  ///< contrast of clouds in the sky; 0: no more than mist
+  Hill hill;
   std::uint32_t seed = 0;
   Course course;
 };
 
+struct StreetOptions {
+  int moving_objects = 0;
+  double open_country = 0.0;  ///< share of the blocks that are meadows
+  double hill = 0.0;          ///< height of a hill before the town, in times the usual one
+};
+
 /// A drive through a town: house fronts, kerbs, markings, poles, trees, parked and moving cars.
-/// \param open_country share of the blocks that are meadows instead.
-Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country);
+Scene makeStreet(std::uint32_t seed, const StreetOptions& options);
 
 /// A flight through furnished rooms and a hallway.
 Scene makeIndoor(std::uint32_t seed);

@@ -61,7 +61,7 @@ StereoCalibration eurocCalibration() {
 world::Scene makeScene(const SyntheticWorldOptions& options) {
   const std::uint32_t seed = world::hash(0x5eed, static_cast<std::uint32_t>(options.seed));
   if (options.scene == "street") {
-    return world::makeStreet(seed, options.moving_objects, options.open_country);
+    return world::makeStreet(seed, {options.moving_objects, options.open_country, options.hill});
   }
   if (options.scene == "indoor") return world::makeIndoor(seed);
   if (options.scene == "plaster") return world::makePlaster(seed);
