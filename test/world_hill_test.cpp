@@ -31,7 +31,9 @@ CameraCalibration pinhole(double focal, int width, int height) {
 }
 
 /// KITTI's field of view with one pixel for 12 x 12.
-PixelRays coarseKittiRays() { return PixelRays::ofRectifiedImage(pinhole(718.856 / 12.0, 103, 31)); }
+PixelRays coarseKittiRays() {
+  return PixelRays::ofRectifiedImage(pinhole(718.856 / 12.0, 103, 31));
+}
 
 TEST(Hill, IsSmoothAndAsHighAsAsked) {
   const Hill hill{7.0, 100.0, 75.0};

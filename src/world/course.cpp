@@ -29,7 +29,7 @@ std::vector<Vector3d> roundOff(const std::vector<Vector3d>& corners, double radi
     constexpr int kParts = 64;
     for (int k = 0; k <= kParts; ++k) {  // a quadratic Bezier curve, near to an arc
       const double s = static_cast<double>(k) / kParts;
-      fine.push_back((1.0 - s) * (1.0 - s) * begin + 2.0 * s * (1.0 - s) * corner + s * s * end);
+      fine.emplace_back((1.0 - s) * (1.0 - s) * begin + 2.0 * s * (1.0 - s) * corner + s * s * end);
     }
   }
   double length = 0.0;
@@ -47,7 +47,7 @@ std::vector<Vector3d> roundOff(const std::vector<Vector3d>& corners, double radi
       const double wanted =
           length * static_cast<double>(points.size()) / static_cast<double>(count);
       if (wanted > passed + step || step <= 0.0) break;
-      points.push_back(from + (to - from) * ((wanted - passed) / step));
+      points.emplace_back(from + (to - from) * ((wanted - passed) / step));
     }
     passed += step;
   }

@@ -79,8 +79,8 @@ double Hill::heightAt(double x) const {
 
 void addHill(const Hill& hill, const Vector2d& range_x, double road_width_m, Random* random,
              Scene* scene) {
-  const Ground ground = {makeMaterial(Pattern::kRough, 0.30, 0.21, random),
-                         makeMaterial(Pattern::kRough, 0.26, 0.26, random),
+  const Ground ground = {makeMaterial(Pattern::kRough, 0.30, 0.24, random),
+                         makeMaterial(Pattern::kRough, 0.26, 0.28, random),
                          makeMaterial(Pattern::kPlain, 0.75, 0.04, random)};
   const int count = static_cast<int>((range_x.y() - range_x.x()) / kStrip_m);
   ObjectBuilder builder;
