@@ -373,6 +373,34 @@ bool isOpenCountry(std::uint32_t seed, int i, int j, double share) {
 /// Whether a block is one of those that the hill takes the place of.
 bool isBesideHill(int i, int j) { return i >= -kOutside && i < 0 && (j == -1 || j == 0); }
 
+/// The blocks between two corners, with the open country round a hill.
+void addBlocks(const Vector2d& low, const Vector2d& high, std::uint32_t seed,
+               const StreetOptions& options, Town* town) {
+  const bool hilly = options.hill > 0.0;
+  for (int i = static_cast<int>(low.x()); i < static_cast<int>(high.x()); ++i) {
+    for (int j = static_cast<int>(low.y()); j < static_cast<int>(high.y()); ++j) {
+      if (hilly && isBesideHill(i, j)) continue;
+      if ((hilly && i < kTownBegins) || isOpenCountry(seed, i, j, options.open_country)) {
+        town->addMeadow(i, j);
+      } else {
+        town->addBlock(i, j);
+      }
+    }
+  }
+}
+
+void addMovingCars(int count, Town* town, Scene* scene) {
+  for (int i = 0; i < count; ++i) {
+    Mover mover;
+    mover.object = town->anyCar();
+    const bool oncoming = i % 3 != 2;
+    mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
+    mover.speed_m_s = oncoming ? -town->random().uniform(6.0, 11.0) : 7.0;
+    mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
+    scene->movers.push_back(mover);
+  }
+}
+
 }  // namespace
 
 Scene makeStreet(std::uint32_t seed, const StreetOptions& options) {
@@ -388,21 +416,10 @@ Scene makeStreet(std::uint32_t seed, const StreetOptions& options) {
                                           : chooseCrossings(&town.random());
   Vector2d high = Vector2d::Zero();
   for (const Vector2d& crossing : crossings) high = high.cwiseMax(crossing);
-  const int begin = hilly ? -kOutside : 0;
-  const int columns = static_cast<int>(high.x());
-  const int rows = static_cast<int>(high.y());
-  for (int i = begin - kMargin; i < columns + kMargin; ++i) {
-    for (int j = -kMargin; j < rows + kMargin; ++j) {
-      if (hilly && isBesideHill(i, j)) continue;
-      if ((hilly && i < kTownBegins) || isOpenCountry(seed, i, j, options.open_country)) {
-        town.addMeadow(i, j);
-      } else {
-        town.addBlock(i, j);
-      }
-    }
-  }
-  town.addGround(Vector2d(begin - kMargin, -kMargin) * kBlockPitch,
-                 (high + Vector2d::Constant(kMargin)) * kBlockPitch);
+  const Vector2d low(hilly ? -kOutside : 0, 0.0);
+  const Vector2d margin = Vector2d::Constant(kMargin);
+  addBlocks(low - margin, high + margin, seed, options, &town);
+  town.addGround((low - margin) * kBlockPitch, (high + margin) * kBlockPitch);
 
   for (Vector2d& crossing : crossings) crossing *= kBlockPitch;
   std::vector<Vector3d> corners = toTheRight(crossings, kLaneOffset, kCameraHeight);
@@ -424,15 +441,7 @@ Scene makeStreet(std::uint32_t seed, const StreetOptions& options) {
   }
   constexpr double kTurn_m = 14.0;
   scene.course = Course(corners, kTurn_m, style, hash(seed, 3));
-  for (int i = 0; i < options.moving_objects; ++i) {
-    Mover mover;
-    mover.object = town.anyCar();
-    const bool oncoming = i % 3 != 2;
-    mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
-    mover.speed_m_s = oncoming ? -town.random().uniform(6.0, 11.0) : 7.0;
-    mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
-    scene.movers.push_back(mover);
-  }
+  addMovingCars(options.moving_objects, &town, &scene);
   return scene;
 }
 
