@@ -10,6 +10,7 @@
 #include "common/join.h"
 #include "map/bundle_adjustment.h"
 #include "odometry/correspondences.h"
+#include "odometry/image_reduction.h"
 #include "odometry/motion_measurement.h"
 #include "odometry/stage_timer.h"
 #include "odometry/state_archive.h"
@@ -59,7 +60,7 @@ class StereoOdometry::Impl {
   void setParameters(const Parameters& parameters);
   std::string saveState();
   void restoreState(const std::string& bytes);
-  const StereoCamera& camera() const { return camera_; }
+  const StereoCamera& camera() const { return input_camera_; }
   const Parameters& parameters() const { return parameters_; }
   const RightImageCorrection& correction() const { return refinement_.correction(); }
 
@@ -82,13 +83,16 @@ class StereoOdometry::Impl {
   FrameResult dropped(TrackingReason reason, FrameResult result) const;
   void giveUp(const char* error, double dt_s, FrameResult* result);
   void refineCalibration(const StereoFrame& curr, const MotionMeasurement& measurement);
+  void useCamera();
   void startNewReference();
   void startNewMap();
   template <typename Archive>
   void visitState(Archive* archive);
 
-  StereoCamera camera_;
+  StereoCamera input_camera_;
   Parameters parameters_;
+  ImageReduction reduction_;
+  StereoCamera camera_;  // of the images as they are processed
   std::unique_ptr<ThreadPool> threads_;
   StereoFeatureDetector detector_;
   CalibrationRefinement refinement_;
@@ -106,11 +110,13 @@ class StereoOdometry::Impl {
 };
 
 StereoOdometry::Impl::Impl(const StereoCamera& camera, const Parameters& parameters)
-    : camera_((camera.validate(), camera)),
+    : input_camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
+      reduction_(camera, parameters.tracking),
+      camera_(reduction_.camera()),
       threads_(std::make_unique<ThreadPool>(parameters.tracking.threads)),
       detector_(parameters.points, parameters.lines),
-      refinement_(camera) {
+      refinement_(camera_) {
   startNewReference();
 }
 
@@ -118,7 +124,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
   const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
-  if (!fits(images.left, camera_) || !fits(images.right, camera_)) {
+  if (!fits(images.left, input_camera_) || !fits(images.right, input_camera_)) {
     return dropped(TrackingReason::kWrongImages, std::move(result));
   }
   if (last_stamp_ns_ && images.stamp_ns <= *last_stamp_ns_) {
@@ -126,7 +132,8 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
   }
   const double dt_s = last_stamp_ns_ ? toSeconds(images.stamp_ns - *last_stamp_ns_) : 0.0;
   try {
-    track(images, dt_s, &result);
+    track(reduction_.reduce(images), dt_s, &result);
+    reduction_.toInputPixels(&result);
   } catch (const std::exception& error) {
     giveUp(error.what(), dt_s, &result);
   }
@@ -412,8 +419,15 @@ void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
 
 void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   camera.validate();
-  camera_ = camera;
-  refinement_ = CalibrationRefinement(camera);
+  input_camera_ = camera;
+  useCamera();
+}
+
+/// Of what was estimated before, nothing holds for images of another camera or size.
+void StereoOdometry::Impl::useCamera() {
+  reduction_ = ImageReduction(input_camera_, parameters_.tracking);
+  camera_ = reduction_.camera();
+  refinement_ = CalibrationRefinement(camera_);
   noise_ = NoiseScale();
   startNewReference();
 }
@@ -424,6 +438,7 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   if (!parameters.motion.adapt_noise || parameters.window.size == 0) noise_ = NoiseScale();
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
+  if (ImageReduction(input_camera_, parameters.tracking).camera() != camera_) useCamera();
   const auto is_of_map = [](const auto& parameter) {
     return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
   };
@@ -455,9 +470,9 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 /// is solved before.
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
-  auto& [camera, parameters, threads, detector, refinement, state, history, noise, T_odom_map,
-         window, failed_windows, pose, output, last_stamp_ns] = *this;
-  static_cast<void>(std::tie(camera, threads, detector, window));
+  auto& [input_camera, parameters, reduction, camera, threads, detector, refinement, state, history,
+         noise, T_odom_map, window, failed_windows, pose, output, last_stamp_ns] = *this;
+  static_cast<void>(std::tie(input_camera, reduction, camera, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
   archive->visit(history.reference);
