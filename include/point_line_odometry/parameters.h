@@ -11,8 +11,8 @@ struct PointParameters {
   bool enabled = true;
   int cell_size_px = 50;
   int max_per_cell = 20;
-  int levels = 3;
-  double scale_factor = 2.0;
+  int levels = 7;
+  double scale_factor = 1.4;
   int fast_threshold = 7;
 };
 

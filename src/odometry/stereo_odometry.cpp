@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -66,7 +67,8 @@ class StereoOdometry::Impl {
 
  private:
   void track(const StereoImages& images, double dt_s, FrameResult* result);
-  StereoFrame makeFrame(const FrameContext& context, StageTimes* times);
+  StereoFrame makeFrame(FrameContext* context, StageTimes* times);
+  void addCoarserPoints(FrameContext* context, StereoFrame* frame);
   void integrate(const MotionMeasurement& measurement, std::int64_t stamp_ns, double dt_s);
   void integratePrediction(std::int64_t stamp_ns, double dt_s);
   MotionStep stepOf(const MotionMeasurement& measurement) const;
@@ -143,8 +145,8 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
 
 void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameResult* result) {
   const RightImageCorrection correction = refinement_.correction();
-  const FrameContext context{images, camera_, correction, parameters_, noise_};
-  StereoFrame curr = makeFrame(context, &result->times);
+  FrameContext context{images, camera_, correction, parameters_, noise_};
+  StereoFrame curr = makeFrame(&context, &result->times);
   {
     const StageTimer timer(&result->times, Stage::kWindow);
     finishWindow();
@@ -178,14 +180,13 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
   }
 }
 
-StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTimes* times) {
+StereoFrame StereoOdometry::Impl::makeFrame(FrameContext* context, StageTimes* times) {
   StereoFrame frame;
-  frame.stamp_ns = context.images.stamp_ns;
+  frame.stamp_ns = context->images.stamp_ns;
   {
     const StageTimer timer(times, Stage::kDetect);
-    frame.left_image = context.left;
-    frame.left_image.levels.front() = context.images.left.clone();
-    frame.features = detector_.detect(context.images, threads_.get());
+    frame.left_image = ImagePyramid(context->images.left.clone());
+    frame.features = detector_.detect(context->images, threads_.get());
   }
   StereoMatches matches;
   {
@@ -194,16 +195,30 @@ StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTi
   }
   {
     const StageTimer timer(times, Stage::kTriangulate);
-    triangulateMatches(matches, context, threads_.get(), &frame);
+    triangulateMatches(matches, *context, threads_.get(), &frame);
   }
-  const PointCoverage coverage(frame, context);
-  if (parameters_.points.levels > 1 && coverage.isPoor()) {
+  if (parameters_.points.enabled && parameters_.points.levels > 1) {
     const StageTimer timer(times, Stage::kDetect);
-    const DetectedFeatures coarser =
-        detector_.detectCoarserPoints(context.left, context.right, threads_.get());
-    addCoarserPoints(coarser, coverage, context, threads_.get(), &frame);
+    addCoarserPoints(context, &frame);
   }
   return frame;
+}
+
+/// Points of coarser levels where the frame is short of points, and the levels themselves, too,
+/// where points of the reference are looked for in them.
+void StereoOdometry::Impl::addCoarserPoints(FrameContext* context, StereoFrame* frame) {
+  const PointCoverage coverage(*frame, *context);
+  const bool poor = coverage.isPoor();
+  if (!poor && !(history_.reference && hasCoarserPoints(*history_.reference))) return;
+  threads_->run(2, [&](int task) {
+    (task == 0 ? context->left : context->right).addLevels(parameters_.points);
+  });
+  std::copy(context->left.levels.begin() + 1, context->left.levels.end(),
+            std::back_inserter(frame->left_image.levels));
+  if (!poor) return;
+  const DetectedFeatures coarser =
+      detector_.detectCoarserPoints(context->left, context->right, threads_.get());
+  ::point_line_odometry::addCoarserPoints(coarser, coverage, *context, threads_.get(), frame);
 }
 
 void StereoOdometry::Impl::integrate(const MotionMeasurement& measurement, std::int64_t stamp_ns,
