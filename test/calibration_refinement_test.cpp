@@ -38,7 +38,7 @@ class DistortedDrive {
   }
 
   /// A frame's motion, estimated from what the camera sees with the correction so far.
-  void addMotion() {
+  void addMotion(double share_of_new = 1.0) {
     const Isometry3d truth = synthetic::transform(
         {random_.uniform(-0.02, 0.02), random_.uniform(-0.05, 0.05), random_.uniform(-0.02, 0.02)},
         {random_.uniform(-0.1, 0.1), random_.uniform(-0.1, 0.1), random_.uniform(-1.2, -0.6)});
@@ -61,7 +61,7 @@ class DistortedDrive {
     }
     const MotionEstimate motion = estimateMotion(matches, camera, truth, {});
     ASSERT_TRUE(motion.ok());
-    refinement.addMotion(matches, motion, {}, 1.0);
+    refinement.addMotion(matches, motion, {}, share_of_new);
   }
 
   const StereoCamera camera = synthetic::camera();
@@ -131,6 +131,21 @@ TEST(CalibrationRefinement, DisparityErrorsAreLearntFromTheMotion) {
   EXPECT_NEAR(u(1), 0.25, 0.08);
   EXPECT_NEAR(u(3), -0.3, 0.08);
   EXPECT_EQ(drive.refinement.correction().v, RightImageCorrection::Coefficients::Zero());
+}
+
+TEST(CalibrationRefinement, FramesCountByTheSquareOfWhatIsNewInThem) {
+  const auto learnt = [](double share_of_new) {
+    DistortedDrive drive(9);
+    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+    drive.addMotion(share_of_new);
+    return drive.refinement.correction().u;
+  };
+  EXPECT_EQ(learnt(0.0), RightImageCorrection::Coefficients::Zero());
+  // Far less than the prior, information adds up linearly.
+  const RightImageCorrection::Coefficients little = learnt(0.0001);
+  EXPECT_GT(little.norm(), 0.0);
+  EXPECT_TRUE(learnt(0.0003).isApprox(9.0 * little, 1e-2));
+  EXPECT_LT(learnt(0.1).norm(), 0.5 * learnt(1.0).norm());
 }
 
 TEST(CalibrationRefinement, ConvergesFromBothSides) {

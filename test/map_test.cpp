@@ -11,6 +11,7 @@
 #include "map/bundle_adjustment.h"
 #include "map/landmarks.h"
 #include "map/local_map.h"
+#include "map/new_landmarks.h"
 #include "point_line_odometry/pose_integrator.h"
 #include "point_line_odometry/stereo_odometry.h"
 #include "synthetic_scene.h"
@@ -369,6 +370,81 @@ TEST(LocalMap, ALandmarkThatItsUpdatePutsBehindTheCameraIsCulled) {
   const MapPoint& kept = std::get<1>(map.state())[0];
   EXPECT_EQ(kept.id, 5U);
   EXPECT_LT((kept.place.value - seen[1]).norm(), 0.05);
+}
+
+/// A frame of noise with a stereo point at each place: point i is i + 1 metres away and has a
+/// response of i.
+StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave = 0) {
+  const StereoCamera camera = synthetic::camera();
+  cv::Mat image(camera.height, camera.width, CV_8UC1);
+  cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 256);
+  StereoFrame frame;
+  frame.left_image = ImagePyramid(image, PointParameters());
+  for (const Eigen::Vector2f& pixel : pixels) {
+    const auto index = static_cast<int>(frame.points.size());
+    PointFeature feature;
+    feature.pixel = pixel;
+    feature.response = static_cast<float>(index);
+    feature.octave = octave;
+    frame.features.points_left.push_back(feature);
+    frame.features.points_right.push_back(feature);
+    StereoPoint point;
+    point.left = point.right = index;
+    point.sigma_px = kNoisePx;
+    point.triangulated.p_camera.z() = index + 1.0;
+    point.triangulated.covariance = 0.01 * Matrix3d::Identity();
+    point.pixel_axes.setZero();
+    frame.points.push_back(point);
+  }
+  return frame;
+}
+
+/// The points of the map that a first frame makes, by their indices in it.
+std::vector<int> indicesOfNewPoints(const StereoFrame& frame,
+                                    const LandmarkCandidates& candidates) {
+  LocalMap map(WindowParameters{}, LocalMapParameters{});
+  const StereoImages images;
+  const StereoCamera camera = synthetic::camera();
+  const RightImageCorrection correction;
+  const Parameters parameters;
+  map.add(frame, {images, camera, correction, parameters, {}}, {}, {}, candidates);
+  std::vector<int> indices;
+  for (const MapPoint& point : std::get<1>(map.state()))
+    indices.push_back(static_cast<int>(std::lround(point.place.value.z())) - 1);
+  return indices;
+}
+
+TEST(LocalMap, UnmatchedPointsFillWhatInliersLeaveFree) {
+  std::vector<Eigen::Vector2f> pixels;  // 20 in one cell, 2 in another
+  for (int i = 0; i < 20; ++i) pixels.emplace_back(102 + 10 * (i % 5), 105 + 10 * (i / 5));
+  pixels.emplace_back(310.0F, 210.0F);
+  pixels.emplace_back(330.0F, 210.0F);
+  const StereoFrame frame = frameOfPoints(pixels);
+  const LandmarkCandidates few{{0, 1, 2, 3, 4}, {}, {5, 6, 7, 8, 9, 10, 11, 20, 21}};
+  ASSERT_EQ(WindowParameters().points_per_cell, 8);
+  // Inliers first, though they are the weakest, and the strongest first of either.
+  EXPECT_EQ(indicesOfNewPoints(frame, few), (std::vector<int>{4, 3, 2, 1, 0, 21, 20, 11, 10, 9}));
+  const LandmarkCandidates many{{0, 1, 2, 3, 4, 5, 6, 7, 8}, {}, {9, 10, 20}};
+  EXPECT_EQ(indicesOfNewPoints(frame, many), (std::vector<int>{8, 7, 6, 5, 4, 3, 2, 1, 20}));
+  EXPECT_TRUE(indicesOfNewPoints(frame, {}).empty());
+}
+
+TEST(LocalMap, PatchesAreOfTheOctaveOfTheirPoint) {
+  for (const int octave : {0, 1, 2}) {
+    const StereoFrame empty = frameOfPoints({});
+    const Eigen::Vector2f pixel = empty.left_image.fromLevel({60.0F, 50.0F}, octave);
+    const StereoFrame frame = frameOfPoints({pixel}, octave);
+    const MapPoint point = makePoint(frame, frame.points[0], Isometry3d::Identity());
+    EXPECT_EQ(point.octave, octave);
+    const cv::Mat& level = frame.left_image.levels[static_cast<std::size_t>(octave)];
+    constexpr int kSide = MapPoint::kPatchSide;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        EXPECT_EQ(point.patch[static_cast<std::size_t>(y * kSide + x)],
+                  level.at<uchar>(50 + y - kSide / 2, 60 + x - kSide / 2));
+      }
+    }
+  }
 }
 
 // --- The step in odom

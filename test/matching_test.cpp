@@ -294,6 +294,90 @@ TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
   EXPECT_EQ(lines, 29U);
 }
 
+// --- Points by their appearance alone
+
+TEST(MatchPointsByAppearance, FindsThemWhereverTheyHaveGone) {
+  // Half a turn about the optical axis and a step forward: the image is upside down.
+  const Isometry3d turn = synthetic::transform({0.0, 0.0, M_PI}, {0.3, -0.2, -0.8});
+  const TwoFrames scene(200, 0, turn, 17);
+  expectReversed(
+      matchPointsByAppearance(stereoDescriptors(scene.prev), scene.curr, scene.parameters), 200);
+}
+
+TEST(MatchPointsByAppearance, PairsAreOfStereoPoints) {
+  TwoFrames scene(3, 0, synthetic::motion(), 18);
+  // The features that belong to a stereo point are not at its own index.
+  std::swap(scene.curr.points[0], scene.curr.points[1]);
+  scene.prev.points.erase(scene.prev.points.begin());
+  const std::vector<IndexPair> pairs =
+      matchPointsByAppearance(stereoDescriptors(scene.prev), scene.curr, scene.parameters);
+  ASSERT_EQ(pairs.size(), 2U);
+  EXPECT_TRUE(pairs[0].first == 0 && pairs[0].second == 0);  // both at feature 1
+  EXPECT_TRUE(pairs[1].first == 1 && pairs[1].second == 1);
+}
+
+/// Stereo points that look like a common one but for some bits in either image.
+struct Look {
+  int left_bits;
+  int right_bits;
+};
+
+std::vector<IndexPair> pairsByAppearance(const std::vector<Look>& known,
+                                         const std::vector<Look>& seen,
+                                         const MatchingParameters& parameters = {}) {
+  synthetic::Random random(1);
+  const Descriptor left = synthetic::randomDescriptor(&random);
+  const Descriptor right = synthetic::randomDescriptor(&random);
+  const auto frameOf = [&](const std::vector<Look>& looks) {
+    StereoFrame frame;
+    for (const Look& look : looks) {
+      const auto index = static_cast<int>(frame.points.size());
+      PointFeature feature;
+      feature.descriptor = synthetic::flipped(left, look.left_bits);
+      frame.features.points_left.push_back(feature);
+      feature.descriptor = synthetic::flipped(right, look.right_bits);
+      frame.features.points_right.push_back(feature);
+      StereoPoint point;
+      point.left = point.right = index;
+      frame.points.push_back(point);
+    }
+    return frame;
+  };
+  return matchPointsByAppearance(stereoDescriptors(frameOf(known)), frameOf(seen), parameters);
+}
+
+TEST(MatchPointsByAppearance, DistancesOfBothImagesAreAdded) {
+  MatchingParameters parameters;
+  parameters.max_point_distance = 60;
+  EXPECT_EQ(pairsByAppearance({{0, 0}}, {{60, 60}}, parameters).size(), 1U);
+  EXPECT_EQ(pairsByAppearance({{0, 0}}, {{0, 120}}, parameters).size(), 1U);
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{61, 60}}, parameters).empty());
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{0, 121}}, parameters).empty());
+  // The left image cannot decide, the right one can.
+  expectOnly(pairsByAppearance({{0, 0}}, {{10, 40}, {10, 5}}, parameters), 0, 1);
+}
+
+TEST(MatchPointsByAppearance, LeavesOutWhatIsAmbiguous) {
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{5, 5}, {5, 5}}).empty());
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{0, 0}, {0, 0}}).empty());
+  MatchingParameters parameters;
+  parameters.max_distance_ratio = 0.8;
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{20, 20}, {24, 25}}, parameters).empty());
+  expectOnly(pairsByAppearance({{0, 0}}, {{20, 20}, {25, 26}}, parameters), 0, 0);
+}
+
+TEST(MatchPointsByAppearance, OfTwoThatWantTheSameTheBetterGetsIt) {
+  expectOnly(pairsByAppearance({{20, 0}, {0, 0}}, {{1, 0}}), 1, 0);
+  expectOnly(pairsByAppearance({{0, 0}, {20, 0}}, {{1, 0}}), 0, 0);
+}
+
+TEST(MatchPointsByAppearance, NothingComesFromNothing) {
+  EXPECT_TRUE(pairsByAppearance({}, {}).empty());
+  EXPECT_TRUE(pairsByAppearance({{0, 0}}, {}).empty());
+  EXPECT_TRUE(pairsByAppearance({}, {{0, 0}}).empty());
+  EXPECT_TRUE(stereoDescriptors(StereoFrame{}).empty());
+}
+
 // --- Lines within a frame
 
 LineFeature line(const Vector2d& start, const Vector2d& end, int bits = 0) {

@@ -28,10 +28,16 @@ cv::Mat texture(int width, int height, unsigned seed, double contrast = 60.0) {
   return image;
 }
 
+PointParameters oneLevel() {
+  PointParameters parameters;
+  parameters.levels = 1;
+  return parameters;
+}
+
 /// Detects in an image as a lens would show it: FAST drops corners whose neighbours score the same,
 /// as in a drawing.
 std::vector<PointFeature> detectSoftened(const cv::Mat& drawing,
-                                         const PointParameters& parameters = {}) {
+                                         const PointParameters& parameters = oneLevel()) {
   cv::Mat image;
   cv::GaussianBlur(drawing, image, {}, 0.8);
   return PointDetector(parameters).detect(image);
@@ -116,7 +122,7 @@ TEST(FastCorners, AreThoseOfOpenCv) {
 
 TEST(PointDetector, KeepsTheQuotaOfEachCell) {
   const cv::Mat image = texture(400, 300, 1);
-  PointParameters parameters;
+  PointParameters parameters = oneLevel();
   parameters.fast_threshold = 3;
   for (const int quota : {1, 4, 9}) {
     parameters.max_per_cell = quota;
@@ -147,7 +153,7 @@ TEST(PointDetector, TakesTheStrongestOfACell) {
   cv::Mat image(120, 120, CV_8UC1, cv::Scalar(100));
   cv::circle(image, cv::Point(40, 40), 1, cv::Scalar(130), cv::FILLED);
   cv::circle(image, cv::Point(60, 60), 1, cv::Scalar(220), cv::FILLED);
-  PointParameters parameters;
+  PointParameters parameters = oneLevel();
   parameters.cell_size_px = 400;
   parameters.max_per_cell = 1;
   const std::vector<PointFeature> features = detectSoftened(image, parameters);
@@ -158,7 +164,7 @@ TEST(PointDetector, TakesTheStrongestOfACell) {
 TEST(PointDetector, ThresholdIsTheWeakestContrast) {
   cv::Mat image(120, 120, CV_8UC1, cv::Scalar(100));
   cv::circle(image, cv::Point(60, 60), 1, cv::Scalar(130), cv::FILLED);  // some 20 after softening
-  PointParameters parameters;
+  PointParameters parameters = oneLevel();
   parameters.fast_threshold = 8;
   EXPECT_EQ(detectSoftened(image, parameters).size(), 1U);
   parameters.fast_threshold = 35;
@@ -193,6 +199,73 @@ TEST(PointDetector, PyramidLevelsGiveFullResolutionPixels) {
     EXPECT_LE(std::max(x, y), 2.0F * std::pow(1.5F, static_cast<float>(feature.octave)));
   }
   EXPECT_GE(on_upper_levels, 4);
+}
+
+void expectSame(const std::vector<PointFeature>& a, const std::vector<PointFeature>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].pixel, b[i].pixel);
+    EXPECT_EQ(a[i].octave, b[i].octave);
+    EXPECT_EQ(a[i].response, b[i].response);
+    EXPECT_EQ(a[i].angle_rad, b[i].angle_rad);
+    EXPECT_EQ(a[i].descriptor, b[i].descriptor);
+  }
+}
+
+TEST(PointDetector, FinestAndCoarserLevelsTogetherAreAll) {
+  const cv::Mat image = texture(401, 303, 8);
+  PointParameters parameters;
+  parameters.levels = 4;
+  parameters.scale_factor = 1.5;
+  PointDetector detector(parameters);
+  std::vector<PointFeature> both = detector.detectFinest(image);
+  for (const PointFeature& feature : both) EXPECT_EQ(feature.octave, 0);
+  const std::vector<PointFeature> coarser = detector.detectCoarser(ImagePyramid(image, parameters));
+  std::map<int, int> per_octave;
+  for (const PointFeature& feature : coarser) ++per_octave[feature.octave];
+  ASSERT_EQ(per_octave.size(), 3U);
+  EXPECT_TRUE(per_octave[1] > 20 && per_octave[2] > 10 && per_octave[3] > 5);
+  both.insert(both.end(), coarser.begin(), coarser.end());
+  expectSame(both, detector.detect(image));
+}
+
+TEST(PointDetector, OneLevelHasNoCoarserOnes) {
+  const cv::Mat image = texture(300, 200, 9);
+  PointDetector detector(oneLevel());
+  EXPECT_TRUE(detector.detectCoarser(ImagePyramid(image, oneLevel())).empty());
+  expectSame(detector.detectFinest(image), detector.detect(image));
+}
+
+TEST(PointDetector, CoarserLevelsShowSoftSpotsInTheDark) {
+  cv::Mat image(300, 400, CV_32FC1, cv::Scalar(20.0));
+  std::vector<Vector2f> spots;
+  for (int y = 100; y <= 200; y += 50) {
+    for (int x = 100; x <= 300; x += 50) {
+      cv::Mat spot(image.size(), CV_32FC1, cv::Scalar(0.0));
+      cv::circle(spot, cv::Point(x, y), 5, cv::Scalar(14.0), cv::FILLED);
+      cv::GaussianBlur(spot, spot, {}, 2.0);
+      image += spot;
+      spots.emplace_back(x, y);
+    }
+  }
+  cv::Mat grain(image.size(), CV_32FC1);
+  cv::RNG(10).fill(grain, cv::RNG::NORMAL, 0.0, 4.0);
+  image += grain;
+  image.convertTo(image, CV_8UC1);
+  PointDetector detector({});
+  const auto found = [&](const std::vector<PointFeature>& features) {
+    return std::count_if(spots.begin(), spots.end(), [&](const Vector2f& spot) {
+      const PointFeature* near = nearest(features, spot);
+      return near != nullptr && (near->pixel - spot).norm() < 6.0F;
+    });
+  };
+  std::vector<PointFeature> coarsest = detector.detectCoarser(ImagePyramid(image, {}));
+  coarsest.erase(std::remove_if(coarsest.begin(), coarsest.end(),
+                                [](const PointFeature& f) { return f.octave < 2; }),
+                 coarsest.end());
+  // Not all: FAST drops those that lie between pixels, whose neighbours score the same.
+  EXPECT_GE(found(coarsest), 10);
+  EXPECT_LE(coarsest.size(), 2 * spots.size());  // and hardly anything else
 }
 
 // --- Descriptors

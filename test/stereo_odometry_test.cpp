@@ -103,6 +103,22 @@ TEST(StereoOdometry, RecoversAKnownMotion) {
   }
 }
 
+TEST(StereoOdometry, FindsAMotionFarFromThePrediction) {
+  // After standing still the camera turns by 25 degrees, 140 px, within a frame and goes on so.
+  const auto pose = [](int k) {
+    return synthetic::transform({0.0, std::max(k - 2, 0) * 25.0 * M_PI / 180.0, 0.0},
+                                std::max(k - 2, 0) * Vector3d(0.1, 0.0, 0.2));
+  };
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 5; ++k) {
+    const FrameResult result =
+        odometry.process(synthetic::renderStereo(kCamera, pose(k), (k + 1) * kPeriodNs));
+    if (k == 0) continue;
+    ASSERT_EQ(result.state, TrackingState::kOk) << k << ' ' << toString(result.reason);
+    expectPose(result, pose(k), 0.03, 0.006);
+  }
+}
+
 TEST(StereoOdometry, ObservedPointsLieWhereTheyAreSeen) {
   const FrameResult result = run({}).back();
   ASSERT_GT(result.points.size(), 20U);

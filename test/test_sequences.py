@@ -28,21 +28,21 @@ def odometry(sequence, output, *options):
         return json.load(file)
 
 
-def ground_truth(sequence, output):
+def ground_truth(sequence, output, every):
     """Options of evaluate_trajectory: the ground truth and the estimate to be compared with it."""
     estimate = os.path.join(output, "trajectory.tum")
     if sequence.startswith("synthetic:"):
         return ["--groundtruth", os.path.join(output, "groundtruth.tum"), "--estimate", estimate]
     kitti = os.path.join(sequence, "poses.txt")
-    if os.path.isfile(kitti):
+    if every == 1 and os.path.isfile(kitti):  # without stamps: a pose for each frame
         return ["--groundtruth", kitti, "--estimate", os.path.join(output, "trajectory.kitti")]
     return ["--groundtruth", os.path.join(sequence, "groundtruth_cam0.tum"),
             "--estimate", estimate, "--body-to-camera", "none"]
 
 
-def evaluate(sequence, output):
-    """Errors of a trajectory as {name: value}."""
-    command = [EVALUATE, *ground_truth(sequence, output), "--json"]
+def evaluate(sequence, output, every=1):
+    """Errors of a trajectory of every Nth frame as {name: value}."""
+    command = [EVALUATE, *ground_truth(sequence, output, every), "--json"]
     result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120,
                             universal_newlines=True)
     if result.returncode != 0:
@@ -63,24 +63,29 @@ class ErrorTest(unittest.TestCase):
         self.root = tempfile.mkdtemp(prefix="point_line_sequences_")
         self.addCleanup(shutil.rmtree, self.root)
 
-    def scores(self, name, *options):
+    def scores(self, name, *options, every=1):
         sequence = name if name.startswith("synthetic:") else data_folder(name)
         output = os.path.join(self.root, f"run{len(os.listdir(self.root))}")
-        summary = odometry(sequence, output, *options)
-        return summary, evaluate(sequence, output)
+        summary = odometry(sequence, output, "--every", every, *options)
+        return summary, evaluate(sequence, output, every)
 
-    def check(self, name, frames, bounds):
-        summary, errors = self.scores(name)
-        print(f"\n{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in errors.items()
-                                        if value is not None), flush=True)
+    def check_errors(self, name, frames, bounds, every=1):
+        """Every frame but the first has a motion, and errors keep to {error: bound}; the summary."""
+        summary, errors = self.scores(name, every=every)
+        print(f"\n{name}, every {every}: " + ", ".join(
+            f"{key} {value:.4g}" for key, value in errors.items() if value is not None), flush=True)
         self.assertEqual(summary["frames"], frames)
         self.assertEqual(errors["matched_frames"], frames)
         self.assertEqual(summary["states"], {"initializing": 1, "ok": frames - 1})
-        self.assertEqual(summary["failed_windows"], 0)
         for key, bound in bounds.items():
-            with self.subTest(error=key):
+            with self.subTest(every=every, error=key):
                 self.assertLess(errors[key], bound)
-        # True weights give 1. Measured: points 0.93 ... 1.27, lines 0.66 ... 1.19.
+        return summary
+
+    def check(self, name, frames, bounds):
+        summary = self.check_errors(name, frames, bounds)
+        self.assertEqual(summary["failed_windows"], 0)
+        # True weights give 1. Measured: points 0.96 ... 1.13, lines 0.64 ... 1.20.
         for kind in ("points", "lines"):
             with self.subTest(residuals=kind):
                 variance = summary["weighted_residuals"][kind]["variance"]
@@ -99,49 +104,147 @@ class ErrorTest(unittest.TestCase):
 
 class RealSequences(ErrorTest):
     def test_kitti_raw_0926_0001(self):
+        # Before unmatched points became landmarks and the calibration was learnt by what is new,
+        # which far frames and the other sequences gain by: ATE 0.0640 m, end 0.272 %.
         self.check("kitti_raw_0926_0001", 108, {
-            "t_percent": 0.85,  # measured 0.654; ORB-SLAM2 0.718, viso2 1.211
-            "r_deg_per_100m": 0.26,  # measured 0.202; Basalt 0.235, ORB-SLAM2 0.409, viso2 1.232
-            "ate_m": 0.083,  # measured 0.0640; PL-StVO 0.099, ORB-SLAM2 0.114, viso2 0.304
-            "rpe_r_deg": 0.018,  # measured 0.0141; Basalt 0.0152, PL-StVO 0.0231, viso2 0.0296
-            "end_percent": 0.36,  # measured 0.272; PL-StVO 0.22, ORB-SLAM2 0.36, viso2 1.08
+            "t_percent": 0.88,  # measured 0.675; ORB-SLAM2 0.718, viso2 1.211
+            "r_deg_per_100m": 0.27,  # measured 0.206; Basalt 0.235, ORB-SLAM2 0.409, viso2 1.232
+            "ate_m": 0.124,  # measured 0.0954; PL-StVO 0.099, ORB-SLAM2 0.114, viso2 0.304
+            "rpe_r_deg": 0.018,  # measured 0.0142; Basalt 0.0152, PL-StVO 0.0231, viso2 0.0296
+            "end_percent": 0.47,  # measured 0.358; PL-StVO 0.22, ORB-SLAM2 0.36, viso2 1.08
         })
 
     def test_kitti_06_000_050(self):
         self.check("kitti_06_000-050", 51, {
-            "t_percent": 0.82,  # measured 0.634; ORB-SLAM2 0.636, viso2 0.988, PL-StVO 1.167
-            "r_deg_per_100m": 2.1,  # measured 1.61; Basalt 1.631, ORB-SLAM2 1.784, viso2 2.958
-            "ate_m": 0.042,  # measured 0.0318; ORB-SLAM2 0.050, viso2 0.120, PL-StVO 0.142
-            "rpe_r_deg": 0.076,  # measured 0.0584; Basalt 0.0588, PL-StVO 0.0628, ORB-SLAM2 0.0675
-            "end_percent": 1.1,  # measured 0.872; ORB-SLAM2 1.03, viso2 1.06, PL-StVO 1.09
+            "t_percent": 0.77,  # measured 0.596; ORB-SLAM2 0.636, viso2 0.988, PL-StVO 1.167
+            "r_deg_per_100m": 2.1,  # measured 1.59; Basalt 1.631, ORB-SLAM2 1.784, viso2 2.958
+            "ate_m": 0.034,  # measured 0.0262; ORB-SLAM2 0.050, viso2 0.120, PL-StVO 0.142
+            "rpe_r_deg": 0.076,  # measured 0.0586; Basalt 0.0588, PL-StVO 0.0628, ORB-SLAM2 0.0675
+            "end_percent": 1.1,  # measured 0.875; ORB-SLAM2 1.03, viso2 1.06, PL-StVO 1.09
         })
 
     def test_euroc_mh_01_000_099(self):
         self.check("euroc_MH_01_000-099", 100, {
-            "ate_m": 0.0045,  # measured 0.00345; PL-StVO 0.0037, ORB-SLAM2 0.0040, viso2 0.0057
-            "rpe_r_deg": 0.011,  # measured 0.00794; Basalt 0.0120, PL-StVO 0.0150, viso2 0.0549
-            "end_percent": 0.63,  # measured 0.479; PL-StVO 0.51, ORB-SLAM2 0.57, viso2 1.39
+            "ate_m": 0.0044,  # measured 0.00340; PL-StVO 0.0037, ORB-SLAM2 0.0040, viso2 0.0057
+            "rpe_r_deg": 0.0104,  # measured 0.00799; Basalt 0.0120, PL-StVO 0.0150, viso2 0.0549
+            "end_percent": 0.63,  # measured 0.483; PL-StVO 0.51, ORB-SLAM2 0.57, viso2 1.39
         })
 
     def test_rendered_town(self):
         self.check("rendered_town", 125, {
-            "t_percent": 0.031,  # measured 0.0202; viso2 0.275, ORB-SLAM2 0.535, PL-StVO 0.629
-            "r_deg_per_100m": 0.048,  # measured 0.0316; ORB-SLAM2 0.248, PL-StVO 0.659, viso2 0.713
-            "ate_m": 0.007,  # measured 0.00466; viso2 0.059, PL-StVO 0.157, ORB-SLAM2 0.175
-            "rpe_r_deg": 0.0021,  # measured 0.00137; ORB-SLAM2 0.0175, viso2 0.0220
-            "end_percent": 0.021,  # measured 0.0136; viso2 0.20, ORB-SLAM2 0.47, PL-StVO 0.66
+            "t_percent": 0.017,  # measured 0.0131; viso2 0.275, ORB-SLAM2 0.535, PL-StVO 0.629
+            "r_deg_per_100m": 0.046,  # measured 0.0354; ORB-SLAM2 0.248, PL-StVO 0.659, viso2 0.713
+            "ate_m": 0.0019,  # measured 0.00143; viso2 0.059, PL-StVO 0.157, ORB-SLAM2 0.175
+            "rpe_r_deg": 0.0016,  # measured 0.00122; ORB-SLAM2 0.0175, viso2 0.0220
+            "end_percent": 0.012,  # measured 0.00909; viso2 0.20, ORB-SLAM2 0.47, PL-StVO 0.66
         })
 
     def test_rendered_lowtexture(self):
         self.check("rendered_lowtexture", 100, {
-            "ate_m": 0.013,  # measured 0.0113; PL-StVO 0.033, viso2 0.063, ORB-SLAM2 lost
-            "rpe_r_deg": 0.013,  # measured 0.01; PL-StVO 0.045, viso2 0.104
-            "end_percent": 0.91,  # measured 0.693; PL-StVO 4.1, viso2 7.1
+            "ate_m": 0.011,  # measured 0.00853; PL-StVO 0.033, viso2 0.063, ORB-SLAM2 lost
+            "rpe_r_deg": 0.0126,  # measured 0.00968; PL-StVO 0.045, viso2 0.104
+            "end_percent": 0.59,  # measured 0.455; PL-StVO 4.1, viso2 7.1
         })
 
     def test_lines_help_where_corners_are_few(self):
-        # Measured 0.0285 / 0.0113 m = 2.5 and 0.0301 / 0.0100 deg = 3.0; PL-StVO 5.3 and 5.1.
-        self.check_that_lines_help("rendered_lowtexture", {"ate_m": 1.5, "rpe_r_deg": 2.1})
+        # Measured 0.0111 / 0.0085 m = 1.30 and 0.0151 / 0.0097 deg = 1.56; PL-StVO 5.3 and 5.1. It was
+        # 2.5 and 3.0 before points of coarser levels came in, which points alone gain most by.
+        self.check_that_lines_help("rendered_lowtexture", {"ate_m": 1.0, "rpe_r_deg": 1.2})
+
+
+class SlowCameras(ErrorTest):
+    """Every Nth frame: cars go 2 to 6 m and flights turn by up to 20 degrees between frames. Only
+    where no peer is named was none measured."""
+
+    def check_every(self, name, cases):
+        """Cases {n: (frames, {error: bound})}."""
+        for every, (frames, bounds) in cases.items():
+            summary = self.check_errors(name, frames, bounds, every)
+            with self.subTest(every=every):
+                self.assertLessEqual(summary["failed_windows"], 1)  # KITTI raw, every 3rd: 1
+            # Measured: points 0.93 ... 1.34, lines 0.69 ... 1.72.
+            for kind in ("points", "lines"):
+                with self.subTest(every=every, residuals=kind):
+                    variance = summary["weighted_residuals"][kind]["variance"]
+                    self.assertTrue(0.5 < variance < 2.3, variance)
+
+    def check_not_lost(self, name, frames):
+        """Every 6th frame."""
+        summary, _ = self.scores(name, every=6)
+        self.assertEqual(summary["states"], {"initializing": 1, "ok": frames - 1})
+
+    def test_kitti_raw_0926_0001(self):
+        self.check_every("kitti_raw_0926_0001", {
+            2: (54, {"t_percent": 0.83,  # measured 0.635
+                     "ate_m": 0.105}),  # measured 0.0809
+            3: (36, {"t_percent": 0.66,  # measured 0.503; ORB-SLAM2 0.73, PL-StVO 1.4, viso2 1.6
+                     "ate_m": 0.049}),  # measured 0.0375; ORB-SLAM2 0.066, PL-StVO 0.28
+            # ORB-SLAM2's position is better here.
+            4: (27, {"t_percent": 0.92,  # measured 0.848 (1.09 times); ORB-SLAM2 0.92, viso2 2.1
+                     "ate_m": 0.18})})  # measured 0.138; ORB-SLAM2 0.12, viso2 0.41, PL-StVO 0.71
+        self.check_not_lost("kitti_raw_0926_0001", 18)
+
+    def test_kitti_06_000_050(self):
+        self.check_every("kitti_06_000-050", {
+            2: (26, {"t_percent": 0.96,  # measured 0.735
+                     "ate_m": 0.051}),  # measured 0.0389
+            3: (17, {"t_percent": 0.9,  # measured 0.695; ORB-SLAM2 0.90, PL-StVO 1.6, viso2 1.6
+                     "ate_m": 0.037}),  # measured 0.0285; ORB-SLAM2 0.062, PL-StVO 0.13
+            4: (13, {"t_percent": 1.03,  # measured 0.915 (1.13 times); ORB-SLAM2 1.03, PL-StVO 2.1
+                     "ate_m": 0.048})})  # measured 0.0416 (1.15 times); ORB-SLAM2 0.048
+        self.check_not_lost("kitti_06_000-050", 9)
+
+    def test_euroc_mh_01_000_099(self):
+        self.check_every("euroc_MH_01_000-099", {
+            2: (50, {"ate_m": 0.0045,  # measured 0.00343
+                     "rpe_r_deg": 0.0175}),  # measured 0.0134
+            3: (34, {"ate_m": 0.004,  # measured 0.00353 (1.13 times); PL-StVO 0.0040, viso2 0.0051
+                     "rpe_r_deg": 0.025}),  # measured 0.0192
+            # 1.3 times would be more than PL-StVO's 0.0032 here, from which it can hardly be told.
+            4: (25, {"ate_m": 0.0038,  # measured 0.00314; PL-StVO 0.0032, viso2 0.0038
+                     "rpe_r_deg": 0.031})})  # measured 0.0235
+        self.check_not_lost("euroc_MH_01_000-099", 17)
+
+    def test_rendered_town(self):
+        self.check_every("rendered_town", {
+            2: (63, {"t_percent": 0.023,  # measured 0.0178
+                     "ate_m": 0.0038}),  # measured 0.0029
+            3: (42, {"t_percent": 0.032,  # measured 0.0244
+                     "ate_m": 0.0054}),  # measured 0.00416
+            4: (32, {"t_percent": 0.06,  # measured 0.0458; ORB-SLAM2 1.0, viso2 1.5, PL-StVO 12
+                     "ate_m": 0.0142})})  # measured 0.0109; viso2 0.20, ORB-SLAM2 0.30
+        self.check_not_lost("rendered_town", 21)
+
+    def test_rendered_lowtexture(self):
+        self.check_every("rendered_lowtexture", {
+            2: (50, {"ate_m": 0.0172,  # measured 0.0133
+                     "rpe_r_deg": 0.017}),  # measured 0.0132
+            3: (34, {"ate_m": 0.0153,  # measured 0.0118
+                     "rpe_r_deg": 0.028}),  # measured 0.0215
+            4: (25, {"ate_m": 0.02,  # measured 0.0153
+                     "rpe_r_deg": 0.028})})  # measured 0.0213
+
+
+class DarkImages(ErrorTest):
+    """Plastered walls in the dark, a fast flight: viso2's ATE is 0.125 m, those of PL-StVO are 0.69 m
+    with 10 of 50 frames lost, ORB-SLAM2 loses 26. Before points of coarser levels were used: 1.36 m
+    with 44 frames lost."""
+
+    def test_rendered_plaster(self):
+        for every, frames, rpe_r_deg in ((1, 50, 0.074),  # measured 0.0569, ATE 0.00743 m
+                                         (2, 25, 0.166)):  # measured 0.127, ATE 0.0120 m
+            self.check_errors("rendered_plaster", frames,
+                              {"ate_m": 0.05, "rpe_r_deg": rpe_r_deg}, every)
+
+    def test_lines_do_no_harm(self):
+        # Lines hardly count here: ATE 0.0074 m with them and 0.0063 without, every 2nd frame 0.0120
+        # and 0.0114.
+        for every in (1, 2):
+            _, both = self.scores("rendered_plaster", every=every)
+            _, points = self.scores("rendered_plaster", "--set", "lines/enabled=false", every=every)
+            for key in ("ate_m", "rpe_r_deg"):
+                with self.subTest(every=every, error=key):
+                    self.assertLess(both[key], 1.53 * points[key])
 
 
 class BuiltInWorld(ErrorTest):
@@ -158,10 +261,10 @@ class BuiltInWorld(ErrorTest):
 
     def test_street_with_traffic(self):
         self.check("synthetic:street,seed=2,frames=100,moving_objects=8,noise=3", 100, {
-            "t_percent": 0.057,  # measured 0.0331
-            "r_deg_per_100m": 0.098,  # measured 0.049
-            "ate_m": 0.007,  # measured 0.00349
-            "rpe_r_deg": 0.003,  # measured 0.00176
+            "t_percent": 0.057,  # measured 0.0324
+            "r_deg_per_100m": 0.098,  # measured 0.0543
+            "ate_m": 0.007,  # measured 0.00644
+            "rpe_r_deg": 0.003,  # measured 0.00172
         })
 
     def test_indoor(self):
@@ -173,22 +276,22 @@ class BuiltInWorld(ErrorTest):
 
     def test_indoor_dark_and_blurred(self):
         self.check("synthetic:indoor,seed=2,frames=150,motion_blur_ms=10,exposure_ev=-1.5", 150, {
-            "t_percent": 0.085,  # measured 0.0423
-            "ate_m": 0.002,  # measured 0.001
-            "rpe_r_deg": 0.0067,  # measured 0.0041
+            "t_percent": 0.085,  # measured 0.0401
+            "ate_m": 0.002,  # measured 0.00129
+            "rpe_r_deg": 0.0067,  # measured 0.00377
         })
 
     def test_corridor(self):
         self.check("synthetic:corridor,seed=1,frames=250", 250, {
-            "t_percent": 0.15,  # measured 0.0731
-            "ate_m": 0.0066,  # measured 0.00381
-            "rpe_r_deg": 0.019,  # measured 0.00922
+            "t_percent": 0.125,  # measured 0.0627
+            "ate_m": 0.0057,  # measured 0.00284
+            "rpe_r_deg": 0.018,  # measured 0.0089
         })
 
     def test_lines_help_in_the_corridor(self):
-        # Measured 0.0271 / 0.0088 deg = 3.1. The position is as good with points alone on these 12 m
-        # (0.0058 and 0.0056 m); over 29 m and five worlds, see the README.
-        self.check_that_lines_help("synthetic:corridor,seed=2,frames=250", {"rpe_r_deg": 2.0})
+        # Measured 0.0440 / 0.0089 deg = 4.9 and 0.0081 / 0.0037 m = 2.2.
+        self.check_that_lines_help("synthetic:corridor,seed=2,frames=250",
+                                   {"rpe_r_deg": 2.5, "ate_m": 1.1})
 
 
 if __name__ == "__main__":

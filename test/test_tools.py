@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -96,6 +97,59 @@ class OfflineOdometryTest(ToolTest):
         output = self.offline(self.kitti, "out", "--max-frames", 2)
         self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), 2)
 
+    def stamps(self, folder):
+        rows = read(os.path.join(folder, "trajectory.tum")).decode().splitlines()
+        return [float(row.split()[0]) for row in rows]
+
+    def test_every(self):
+        self.assertEqual(self.stamps(self.offline(self.kitti, "two", "--every", 2)), [0.0, 0.2])
+        self.assertEqual(self.stamps(self.offline(self.kitti, "three", "--every", 3)), [0.0, 0.3])
+        for n in (FRAMES, 1000):
+            self.assertEqual(self.stamps(self.offline(self.kitti, "first", "--every", n)), [0.0])
+        output = self.offline(self.kitti, "both", "--every", 2, "--max-frames", 1)
+        self.assertEqual(self.stamps(output), [0.0])
+        self.assertSameFile("trajectory.tum", self.offline(self.kitti, "a"),
+                            self.offline(self.kitti, "b", "--every", 1))
+
+    def test_every_passes_over_frames_without_reading_them(self):
+        whole = self.offline(self.kitti, "a", "--every", 2)
+        cut_off(os.path.join(self.kitti, "image_1", "000001.png"))
+        self.assertSameFile("trajectory.kitti", whole, self.offline(self.kitti, "b", "--every", 2))
+
+    def test_every_of_a_bag_and_of_the_world(self):
+        self.assertSameFile("trajectory.kitti", self.offline(self.kitti, "a", "--every", 2),
+                            self.offline(self.make_bag(), "b", "--every", 2))
+        world = self.offline("synthetic:corridor,frames=5", "c", "--every", 2)
+        self.assertEqual(self.stamps(world), [0.0, 0.1, 0.2])
+        with open(os.path.join(world, "summary.json")) as file:
+            self.assertEqual(json.load(file)["states"], {"initializing": 1, "ok": 2})
+
+    def picture_size(self, folder):
+        """Width and height of the picture of the first frame."""
+        header = read(os.path.join(folder, "features", "000000.png"))[16:24]
+        return struct.unpack(">II", header)
+
+    def test_scale(self):
+        for factor in (0.5, 1.0, 1.7, 2):
+            output = self.offline(self.kitti, "out", "--scale", factor, "--features-images", 1)
+            expected = (round(factor * WIDTH), round(factor * HEIGHT))
+            self.assertEqual(self.picture_size(output), expected)
+
+    def test_scale_changes_neither_the_camera_nor_the_way(self):
+        # 0.12 m a frame to the right, along a wall, with calibrated and raw images of any size.
+        for factor in (0.8, 1.5):
+            output = self.offline(self.kitti, "out", "--scale", factor)
+            last = read(os.path.join(output, "trajectory.kitti")).decode().splitlines()[-1]
+            pose = [float(number) for number in last.split()]
+            self.assertAlmostEqual(pose[3], 0.12 * (FRAMES - 1), delta=0.01)
+            self.assertAlmostEqual(pose[7], 0.0, delta=0.01)
+            self.assertAlmostEqual(pose[11], 0.0, delta=0.03)
+        world = self.offline("synthetic:indoor,frames=4", "world", "--scale", 0.6)
+        result = self.succeed("evaluate_trajectory", "--json", "--groundtruth",
+                              os.path.join(world, "groundtruth.tum"),
+                              "--estimate", os.path.join(world, "trajectory.tum"))
+        self.assertLess(json.loads(result.stdout)["ate_m"]["rmse"], 0.002)
+
     def test_features_images(self):
         output = self.offline(self.kitti, "out", "--features-images", 2)
         self.assertEqual(sorted(os.listdir(os.path.join(output, "features"))),
@@ -135,7 +189,10 @@ class OfflineOdometryTest(ToolTest):
         self.refuse("no input", "offline_odometry", "-o", output)
         self.refuse("-o DIR", "offline_odometry", self.kitti)
         for option in (["--max-frames", "0"], ["--max-frames=-1"], ["--max-frames", "many"],
-                       ["--features-images", "0"], ["--approximate-sync", "nan"]):
+                       ["--features-images", "0"], ["--approximate-sync", "nan"],
+                       ["--every", "0"], ["--every=-2"], ["--every", "1.5"], ["--every", "few"],
+                       ["--scale", "0"], ["--scale=-1"], ["--scale", "0.09"], ["--scale", "10.1"],
+                       ["--scale", "nan"], ["--scale", "half"]):
             name = option[0].split("=")[0]
             self.refuse(name, "offline_odometry", self.kitti, "-o", output, *option)
 
@@ -322,6 +379,20 @@ class DatasetToBagTest(ToolTest):
             self.assertEqual(topics["/car/front/left/image_rect"].message_count, 2)
             self.assertEqual(bag.get_compression_info().compression, "bz2")
 
+    def test_every(self):
+        def pictures(bag):
+            with rosbag.Bag(bag) as messages:
+                return [(stamp.to_nsec(), message.data)
+                        for _, message, stamp in messages.read_messages("/stereo/left/image_rect")]
+        every = pictures(self.make_bag())
+        self.succeed("dataset_to_bag", self.kitti, self.path("two.bag"), "--quiet", "--every", 2)
+        self.assertEqual(pictures(self.path("two.bag")), every[::2])
+        self.succeed("dataset_to_bag", self.kitti, self.path("three.bag"), "--quiet", "--every", 3,
+                     "--max-frames", 1)
+        self.assertEqual(pictures(self.path("three.bag")), every[:1])
+        self.assertSameFile("trajectory.kitti", self.offline(self.path("two.bag"), "a"),
+                            self.offline(self.kitti, "b", "--every", 2))
+
     def test_help(self):
         self.assertIn("usage: dataset_to_bag DATASET OUT.bag",
                       self.succeed("dataset_to_bag", "--help").stdout)
@@ -333,6 +404,8 @@ class DatasetToBagTest(ToolTest):
         self.refuse("--help", "dataset_to_bag", self.kitti, bag, "--colour")
         self.refuse("'zip'", "dataset_to_bag", self.kitti, bag, "--compression", "zip")
         self.refuse("--max-frames", "dataset_to_bag", self.kitti, bag, "--max-frames", 0)
+        for value in (0, -3, "1.5", "few"):
+            self.refuse("--every", "dataset_to_bag", self.kitti, bag, f"--every={value}")
         self.refuse("name space", "dataset_to_bag", self.kitti, bag, "--namespace", "a b")
         self.refuse("cannot be written", "dataset_to_bag", self.kitti, self.path("nix", "out.bag"))
         self.refuse("does not exist", "dataset_to_bag", self.path("nix"), bag)

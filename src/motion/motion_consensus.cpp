@@ -64,7 +64,8 @@ bool agrees(const PointCorrespondence& match, const StereoCamera& camera,
             const Eigen::Isometry3d& T_curr_prev) {
   const Eigen::Vector3d p = T_curr_prev * match.p_prev;
   if (!(p.z() > 0.1 * camera.baseline_m)) return false;
-  return (camera.projectLeft(p) - match.left_px).lpNorm<Eigen::Infinity>() <= kMaxErrorPx &&
+  const Eigen::Array2d error_px = camera.projectLeft(p) - match.left_px;
+  return (error_px.abs() <= kMaxErrorPx).all() &&  // false for what is not a number
          std::abs(camera.projectRight(p).x() - match.right_px.x()) <= kMaxErrorPx;
 }
 
@@ -84,10 +85,11 @@ std::optional<MotionConsensus> findConsensus(const std::vector<PointCorresponden
   std::mt19937 generator(20170607U);
   double needed = kMaxSamples;
   for (int sample = 0; sample < needed; ++sample) {
-    for (const Eigen::Isometry3d& T :
-         solveThree(matches, camera, drawSample(&generator, size))) {
-      const auto inliers = static_cast<int>(std::count_if(
-          matches.begin(), matches.end(), [&](const auto& match) { return agrees(match, camera, T); }));
+    for (const Eigen::Isometry3d& T : solveThree(matches, camera, drawSample(&generator, size))) {
+      const auto inliers =
+          static_cast<int>(std::count_if(matches.begin(), matches.end(), [&](const auto& match) {
+            return agrees(match, camera, T);
+          }));
       if (inliers <= best.num_inliers) continue;
       best.num_inliers = inliers;
       best.T_curr_prev = T;

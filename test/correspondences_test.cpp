@@ -1,0 +1,164 @@
+#include "odometry/correspondences.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "point_line_odometry/stereo_feature_detector.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Vector2f;
+
+constexpr int kWidth = 600;
+constexpr int kHeight = 300;
+constexpr int kDisparity = 16;
+
+cv::Mat smoothNoise(cv::Size size, double sigma_px, double contrast, unsigned seed) {
+  cv::Mat noise(size, CV_32FC1);
+  cv::RNG(seed).fill(noise, cv::RNG::NORMAL, 0.0, 1.0);
+  cv::GaussianBlur(noise, noise, {}, sigma_px);
+  cv::normalize(noise, noise, 1.0, 0.0, cv::NORM_INF);
+  return contrast * noise;
+}
+
+/// A wall in the dark, seen by both cameras with noise of their own: soft spots everywhere, and
+/// sharp texture in columns up to `sharp_columns`.
+StereoImages wall(int sharp_columns) {
+  const cv::Size size(kWidth + kDisparity, kHeight);
+  cv::Mat brightness = smoothNoise(size, 5.0, 24.0, 1) + 40.0;
+  cv::Mat sharp = smoothNoise(size, 1.2, 60.0, 2);
+  brightness.colRange(0, sharp_columns) += sharp.colRange(0, sharp_columns);
+  const auto camera = [&](int begin, unsigned seed) {
+    cv::Mat grain(kHeight, kWidth, CV_32FC1);
+    cv::RNG(seed).fill(grain, cv::RNG::NORMAL, 0.0, 5.0);
+    cv::Mat image;
+    cv::Mat(brightness.colRange(begin, begin + kWidth) + grain).convertTo(image, CV_8UC1);
+    return image;
+  };
+  return {camera(0, 3), camera(kDisparity, 4), 0};
+}
+
+/// A frame of the wall before coarser levels are looked at, and with them.
+class CoarserPointsTest : public ::testing::Test {
+ protected:
+  struct Frames {
+    StereoFrame finest;
+    StereoFrame all;
+    bool is_poor = false;
+  };
+
+  Frames framesOf(const StereoImages& images) {
+    camera_.width = kWidth;
+    camera_.height = kHeight;
+    const RightImageCorrection correction;
+    const FrameContext context{images, camera_, correction, parameters_};
+    StereoFeatureDetector detector(parameters_.points, parameters_.lines);
+    ThreadPool threads(2);
+    Frames frames;
+    frames.finest.left_image = context.left;
+    frames.finest.features = detector.detect(images, &threads);
+    triangulateMatches(matchStereo(frames.finest.features, parameters_.matching, &threads), context,
+                       &threads, &frames.finest);
+    const PointCoverage coverage(frames.finest, context);
+    frames.is_poor = coverage.isPoor();
+    frames.all = frames.finest;
+    addCoarserPoints(detector.detectCoarserPoints(context.left, context.right, &threads), coverage,
+                     context, &threads, &frames.all);
+    return frames;
+  }
+
+  static const PointFeature& feature(const StereoFrame& frame, std::size_t point) {
+    return frame.features.points_left[static_cast<std::size_t>(frame.points[point].left)];
+  }
+
+  /// Stereo points of a frame in the cell of a pixel.
+  int numberInCell(const StereoFrame& frame, const Vector2f& pixel) const {
+    const auto cell = [&](float coordinate) {
+      return static_cast<int>(coordinate) / parameters_.points.cell_size_px;
+    };
+    int number = 0;
+    for (std::size_t i = 0; i < frame.points.size(); ++i) {
+      const Vector2f& other = feature(frame, i).pixel;
+      number += cell(other.x()) == cell(pixel.x()) && cell(other.y()) == cell(pixel.y()) ? 1 : 0;
+    }
+    return number;
+  }
+
+  Parameters parameters_;
+  StereoCamera camera_ = synthetic::camera();
+};
+
+TEST_F(CoarserPointsTest, ComeOnlyWhereTheFrameIsShortOfPoints) {
+  const Frames frames = framesOf(wall(150));
+  EXPECT_TRUE(frames.is_poor);
+  const std::size_t num_finest = frames.finest.points.size();
+  ASSERT_GT(num_finest, 20U);
+  ASSERT_GT(frames.all.points.size(), num_finest + 30U);
+  for (std::size_t i = num_finest; i < frames.all.points.size(); ++i) {
+    const PointFeature& point = feature(frames.all, i);
+    EXPECT_GT(point.octave, 0);
+    EXPECT_LT(numberInCell(frames.finest, point.pixel), 2) << point.pixel.transpose();
+  }
+}
+
+TEST_F(CoarserPointsTest, AreWhereTheWallIs) {
+  const Frames frames = framesOf(wall(150));
+  std::vector<double> errors_px;
+  std::vector<double> by_sigma;
+  for (std::size_t i = frames.finest.points.size(); i < frames.all.points.size(); ++i) {
+    const StereoPoint& point = frames.all.points[i];
+    const double disparity = feature(frames.all, i).pixel.x() - point.right_px.x();
+    errors_px.push_back(std::abs(disparity - kDisparity));
+    by_sigma.push_back(errors_px.back() / point.sigma_px);
+    EXPECT_NEAR(point.triangulated.p_camera.z(), camera_.fx * camera_.baseline_m / disparity, 1e-3);
+  }
+  ASSERT_GT(errors_px.size(), 30U);
+  const auto quantile = [](std::vector<double> values, double share) {
+    std::sort(values.begin(), values.end());
+    return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+  };
+  EXPECT_LT(quantile(errors_px, 0.5), 0.5);
+  EXPECT_LT(quantile(errors_px, 0.9), 1.0);  // a quarter of a pixel of the coarsest level
+  EXPECT_LT(quantile(by_sigma, 0.68), 1.8);
+}
+
+TEST_F(CoarserPointsTest, LeaveThoseOfTheFinestLevelAlone) {
+  const Frames frames = framesOf(wall(150));
+  const std::size_t num_left = frames.finest.features.points_left.size();
+  ASSERT_GT(frames.all.features.points_left.size(), num_left);
+  for (std::size_t i = 0; i < num_left; ++i) {
+    EXPECT_EQ(frames.all.features.points_left[i].pixel,
+              frames.finest.features.points_left[i].pixel);
+  }
+  for (std::size_t i = 0; i < frames.finest.points.size(); ++i) {
+    EXPECT_EQ(frames.all.points[i].left, frames.finest.points[i].left);
+    EXPECT_EQ(frames.all.points[i].right, frames.finest.points[i].right);
+    EXPECT_EQ(frames.all.points[i].right_px, frames.finest.points[i].right_px);
+  }
+}
+
+TEST_F(CoarserPointsTest, AreNotNeededWhereTextureIsRich) {
+  const Frames frames = framesOf(wall(kWidth + kDisparity));
+  EXPECT_FALSE(frames.is_poor);
+  EXPECT_GT(frames.finest.points.size(), 100U);
+}
+
+TEST_F(CoarserPointsTest, BlackImagesHaveNone) {
+  const cv::Mat black(kHeight, kWidth, CV_8UC1, cv::Scalar(0));
+  const Frames frames = framesOf({black, black, 0});
+  EXPECT_TRUE(frames.is_poor);
+  EXPECT_TRUE(frames.all.points.empty());
+}
+
+TEST_F(CoarserPointsTest, OneLevelHasNone) {
+  parameters_.points.levels = 1;
+  const Frames frames = framesOf(wall(150));
+  EXPECT_EQ(frames.all.points.size(), frames.finest.points.size());
+}
+
+}  // namespace
+}  // namespace point_line_odometry
