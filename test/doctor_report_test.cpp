@@ -222,6 +222,21 @@ TEST(DoctorReportTest, MeasuresTheSkewOfStamps) {
   expectLine(unstamped.watch(), Subject::kStamps, Level::kError, "stamp 0", "time of exposure");
 }
 
+/// The look-up tables of such a calibration would take 50 GB.
+TEST(DoctorReportTest, MakesNoTablesOfASizeThatTheImagesHaveNot) {
+  Camera camera;
+  camera.parameters_.rectify = true;
+  for (sensor_msgs::CameraInfo& info : camera.infos_) info.width = info.height = 60000;
+  EXPECT_FALSE(camera.watch().pair);
+}
+
+TEST(DoctorReportTest, NamesARawCalibrationThatCannotBe) {
+  Camera camera;
+  camera.parameters_.rectify = true;
+  camera.infos_[0].K[0] = -1.0;
+  expectLine(camera.watch(), Subject::kCalibration, Level::kError, "left camera: K");
+}
+
 TEST(DoctorReportTest, CountsPairsThatLackAMessage) {
   Camera camera;
   DoctorFacts facts = camera.watch(30);

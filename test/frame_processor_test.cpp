@@ -182,16 +182,61 @@ TEST(FrameProcessor, RefusesMessagesAndGoesOn) {
   EXPECT_TRUE(processor.process(makeMessages(10.3), mounting()).result.accepted());
 }
 
-TEST(FrameProcessor, TakesAnotherCalibrationAndKeepsThePose) {
+/// A pair of a camera with another baseline.
+StereoMessages withBaseline(double baseline_m, double stamp_s) {
+  StereoMessages messages = makeMessages(stamp_s);
+  const auto right = boost::make_shared<sensor_msgs::CameraInfo>(*messages.right_info);
+  right->P[3] = -300.0 * baseline_m;
+  messages.right_info = right;
+  return messages;
+}
+
+TEST(FrameProcessor, TakesAnotherCalibrationThatStaysAndKeepsThePose) {
   FrameProcessor processor(startAt(3.0, 0.0));
   processor.process(makeMessages(10.0), mounting());
-  StereoMessages messages = makeMessages(10.1);
-  const auto right = boost::make_shared<sensor_msgs::CameraInfo>(*messages.right_info);
-  right->P[3] = -90.0;
-  messages.right_info = right;
-  const ProcessedFrame frame = processor.process(messages, mounting());
+  EXPECT_THROW(processor.process(withBaseline(0.3, 10.1), mounting()), MessageError);
+  EXPECT_THROW(processor.process(withBaseline(0.3, 10.2), mounting()), MessageError);
+  const ProcessedFrame frame = processor.process(withBaseline(0.3, 10.3), mounting());
   EXPECT_DOUBLE_EQ(frame.camera.baseline_m, 0.3);
   EXPECT_NEAR(frame.T_odom_base().translation().x(), 3.0, 1e-9);
+}
+
+TEST(FrameProcessor, AnotherCalibrationInAFewFramesChangesNothing) {
+  FrameProcessor processor{AllParameters()};
+  bool continues = false;
+  processor.observeStarts([&](const FrameStart& start) { continues = start.continues; });
+  processor.process(makeMessages(10.0), mounting());
+  double stamp_s = 10.0;
+  for (const double baseline_m : {0.3, 0.4, 0.3, 0.4, 0.3, 0.3}) {
+    stamp_s += 0.1;
+    EXPECT_THROW(processor.process(withBaseline(baseline_m, stamp_s), mounting()), MessageError);
+  }
+  EXPECT_DOUBLE_EQ(processor.process(makeMessages(10.9), mounting()).camera.baseline_m, 0.2);
+  EXPECT_TRUE(continues);
+  EXPECT_THROW(processor.process(withBaseline(0.3, 11.0), mounting()), MessageError);
+  try {
+    processor.process(withBaseline(0.3, 11.1), mounting());
+  } catch (const MessageError& error) {
+    EXPECT_EQ(std::string(error.what()),
+              "right/camera_info: P is not as in the frames before; it is taken once 3 frames in a "
+              "row have it");
+  }
+}
+
+/// The look-up tables of such a calibration would take 50 GB.
+TEST(FrameProcessor, RefusesASizeThatTheImagesHaveNotBeforeItMakesTables) {
+  AllParameters parameters;
+  parameters.node.rectify = true;
+  FrameProcessor processor(parameters);
+  StereoMessages messages = makeMessages(10.0);
+  const auto left = boost::make_shared<sensor_msgs::CameraInfo>(*messages.left_info);
+  left->width = left->height = 60000;
+  const auto right = boost::make_shared<sensor_msgs::CameraInfo>(*left);
+  right->P[3] = -60.0;
+  messages.left_info = left;
+  messages.right_info = right;
+  EXPECT_THROW(processor.process(messages, mounting()), MessageError);
+  EXPECT_TRUE(processor.process(makeMessages(10.1), mounting()).result.accepted());
 }
 
 TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
@@ -339,12 +384,13 @@ TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
   EXPECT_EQ(features.points[0].left_u, 100.0F);
   EXPECT_TRUE(features.points[0].inlier);
   EXPECT_FALSE(features.lines[1].inlier);
-  const OdometryInfo info = toInfo(frame, {5, 1, 2, 3}, 8.0);
+  const OdometryInfo info = toInfo(frame, {5, 1, 2, 3, 4}, 8.0);
   EXPECT_EQ(info.state, OdometryInfo::OK);
   EXPECT_EQ(info.reason, "");
   EXPECT_EQ(info.line_matches, 17U);
   EXPECT_EQ(info.frames_processed, 5U);
   EXPECT_EQ(info.exceptions, 3U);
+  EXPECT_EQ(info.stamps_rejected, 4U);
   EXPECT_EQ(info.stage_names.size(), info.stage_ms.size());
 }
 

@@ -9,7 +9,9 @@
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
+#include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
+#include <tf2_ros/transform_listener.h>
 
 #include <cmath>
 #include <functional>
@@ -23,6 +25,7 @@
 
 #include "failing_allocator.h"
 #include "ros/camera_messages.h"
+#include "ros/confirmation.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -215,6 +218,7 @@ class NodeletFaultsTest : public ::testing::Test {
   }
 
   static constexpr int kError = diagnostic_msgs::DiagnosticStatus::ERROR;
+  static constexpr int kWarn = diagnostic_msgs::DiagnosticStatus::WARN;
 
   ros::Time stamp_ = ros::Time(1000.0);
   ros::NodeHandle nh_;
@@ -375,17 +379,80 @@ TEST_F(NodeletFaultsTest, DoesNotMindNaNWhereNothingIsRead) {
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
 }
 
-TEST_F(NodeletFaultsTest, TakesAnotherCalibrationAndKeepsThePose) {
+/// Another calibration that is as possible as the right one.
+void changeCalibration(Messages* messages) {
+  for (auto* info : {&messages->left_info, &messages->right_info}) info->P[2] += 0.2;
+}
+
+TEST_F(NodeletFaultsTest, TakesAnotherCalibrationThatStaysAndKeepsThePose) {
   ASSERT_TRUE(load());
   drive(0, 4);
-  const Spoil other = [](Messages* m) {
-    for (auto* info : {&m->left_info, &m->right_info}) info->P[2] += 0.2;
-  };
-  EXPECT_EQ(drive(3, 4, other).state, OdometryInfo::INITIALIZING);
+  const std::size_t answers = numOdometries();
+  for (int k = 1; k < kConfirmations; ++k) {
+    show(3, changeCalibration);
+    EXPECT_TRUE(says("tracking", kError, "camera_info: P is not as in the frames before"))
+        << said("tracking");
+  }
+  EXPECT_EQ(numOdometries(), answers);
+  EXPECT_EQ(drive(3, 4, changeCalibration).state, OdometryInfo::INITIALIZING);
   expectAt(synthetic::truePose(3));
-  EXPECT_EQ(drive(4, 8, other).state, OdometryInfo::OK);
+  EXPECT_EQ(drive(4, 8, changeCalibration).state, OdometryInfo::OK);
   expectAt(synthetic::truePose(7), 0.03);
 }
+
+/// One message that differs ends nothing, though it could be true.
+struct OddCase {
+  const char* name;
+  const char* words;
+  Spoil spoil;
+};
+
+std::vector<OddCase> oddHeadersAndInfos() {
+  const auto frame_id = [](const std::string& name) {
+    return [name](Messages* m) { m->left.header.frame_id = name; };
+  };
+  return {
+      {"calibration", "left/camera_info: P is not", changeCalibration},
+      {"right_baseline", "right/camera_info: P is not",
+       [](Messages* m) { m->right_info.P[3] *= 2.0; }},
+      {"distortion", "left/camera_info: D is not",
+       [](Messages* m) { m->left_info.D.assign(3, kNaN); }},
+      {"offset_of_region", "P of the left and right camera differ",
+       [](Messages* m) { m->right_info.roi.y_offset = 4294967295U; }},
+      {"frame_id_of_base", "frame_id is 'robot' instead of 'camera'", frame_id("robot")},
+      {"frame_id_unknown", "frame_id is 'nowhere' instead of", frame_id("nowhere")},
+      {"frame_id_empty", "frame_id is '' instead of", frame_id("")},
+      {"frame_id_slashes", "frame_id is '//camera' instead of", frame_id("//camera")},
+      {"frame_id_odd", "instead of 'camera'", frame_id("%s%n \t\x7f/")},
+  };
+}
+
+class OddTest : public NodeletFaultsTest, public ::testing::WithParamInterface<OddCase> {};
+
+TEST_P(OddTest, InOneFrameIsNamedCountedAndPassedOver) {
+  set("base_frame_id", std::string("robot"));
+  ASSERT_TRUE(load());
+  geometry_msgs::TransformStamped mounting;
+  mounting.header.frame_id = "robot";
+  mounting.child_frame_id = "camera";
+  mounting.transform.translation.x = 0.5;
+  mounting.transform.rotation.w = 1.0;
+  tf2_ros::StaticTransformBroadcaster broadcaster;
+  broadcaster.sendTransform(mounting);
+  drive(0, 3);
+  show(3, GetParam().spoil);
+  EXPECT_TRUE(says("tracking", kError, GetParam().words)) << said("tracking");
+  const OdometryInfo info = drive(4, 6);
+  EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
+  EXPECT_EQ(info.frames_processed, 5U);
+  EXPECT_EQ(info.frames_rejected, 1U);
+  EXPECT_EQ(info.exceptions, 0U);
+  const Eigen::Translation3d T_base_camera(0.5, 0.0, 0.0);
+  expectAt(T_base_camera * synthetic::truePose(5) * T_base_camera.inverse());
+}
+
+INSTANTIATE_TEST_SUITE_P(Messages, OddTest, ::testing::ValuesIn(oddHeadersAndInfos()),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 // --- What does not come
 
@@ -480,24 +547,103 @@ TEST_F(NodeletFaultsTest, DropsFramesThatComeTwiceOrLate) {
   expectAt(synthetic::truePose(5));
 }
 
-TEST_F(NodeletFaultsTest, StampsFarFromAnythingStopNothing) {
-  set("approximate_sync", true);
-  ASSERT_TRUE(load());
-  drive(0, 2);
-  show(2, [](Messages* m) {
-    m->right.header.stamp = ros::Time(4294967295U, 0);
-    m->right_info.header.stamp = ros::Time();
-  });
-  stamp_ = ros::Time(4294967000U, 0);
-  show(3);
-  stamp_ = ros::Time(2000.0);
-  EXPECT_TRUE(waitFor([this] {
-    show(0);
-    return waitFor([this] { return answered(); }, kPeriod_s);
-  }));
+/// Stamps of a pair, and of one message of it: a few are counted and named, and nothing else.
+struct WildCase {
+  const char* name;
+  const char* words;  // in /diagnostics
+  std::function<ros::Time(const ros::Time&)> wild;
+};
+
+std::vector<WildCase> wildStamps() {
+  const auto always = [](const ros::Time& stamp) {
+    return [stamp](const ros::Time&) { return stamp; };
+  };
+  return {
+      {"zero", "stamp 0.000000000 is no time", always(ros::Time())},
+      {"end", "stamp 4294967295.000000000 is out of", always(ros::Time(4294967295U, 0))},
+      {"very_end", "4294967295.999999999", always(ros::Time(4294967295U, 999999999U))},
+      {"far_future", "stamp 3000000000.000000000 is far", always(ros::Time(3000000000U, 0))},
+      {"far_past", "stamp 0.000000001 is far", always(ros::Time(0, 1))},
+      {"ahead", "is far from", [](const ros::Time& t) { return t + ros::Duration(3600.0); }},
+      {"behind", "is far from", [](const ros::Time& t) { return t - ros::Duration(30.0); }},
+  };
 }
 
-class TimeJumpTest : public NodeletFaultsTest, public ::testing::WithParamInterface<const char*> {};
+class WildStampTest : public NodeletFaultsTest, public ::testing::WithParamInterface<WildCase> {
+ protected:
+  /// Drives on as if nothing had been.
+  void expectUndisturbed(int next, std::uint64_t rejected) {
+    const OdometryInfo info = drive(next, next + 2);
+    EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
+    EXPECT_EQ(info.stamps_rejected, rejected);
+    EXPECT_EQ(info.frames_rejected, 0U);
+    EXPECT_EQ(info.exceptions, 0U);
+    expectAt(synthetic::truePose(next + 1));
+  }
+};
+
+TEST_P(WildStampTest, OfAPairIsCountedNamedAndNothingElse) {
+  set("watchdog_timeout_s", kTimeout_s);
+  tf2_ros::Buffer of_others;  // dies of such a stamp, as that of any nodelet
+  const tf2_ros::TransformListener listener(of_others);
+  ASSERT_TRUE(load());
+  drive(0, 3);
+  std::uint64_t rejected = 0;
+  for (const int next : {3, 5}) {
+    const std::size_t answers = numOdometries();
+    const ros::Time present = stamp_;
+    stamp_ = GetParam().wild(present);
+    publish(makeMessages(0));
+    stamp_ = present;
+    rejected += 4;
+    expectUndisturbed(next, rejected);
+    EXPECT_EQ(numOdometries(), answers + 2);
+  }
+  EXPECT_TRUE(says("input", kWarn, GetParam().words)) << said("input");
+  EXPECT_EQ(counted("input", "messages rejected for their stamp"), 8);
+}
+
+TEST_P(WildStampTest, OfOneCameraIsHarmless) {
+  ASSERT_TRUE(load());
+  drive(0, 3);
+  for (const bool left : {true, false}) {
+    show(3, [&](Messages* m) {
+      auto& image = left ? m->left : m->right;
+      auto& info = left ? m->left_info : m->right_info;
+      image.header.stamp = info.header.stamp = GetParam().wild(stamp_);
+    });
+  }
+  expectUndisturbed(4, 4);
+}
+
+INSTANTIATE_TEST_SUITE_P(Stamps, WildStampTest, ::testing::ValuesIn(wildStamps()),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+TEST_F(NodeletFaultsTest, ExplainsThatAllStampsAreZero) {
+  ASSERT_TRUE(load());
+  for (int k = 0; k < 3; ++k) {
+    stamp_ = ros::Time();
+    publish(makeMessages(k));
+  }
+  EXPECT_TRUE(says("input", kError, "12 messages were rejected for their stamps")) << said("input");
+  EXPECT_EQ(numOdometries(), 0U);
+}
+
+class TimeJumpTest : public NodeletFaultsTest, public ::testing::WithParamInterface<const char*> {
+ protected:
+  /// Shows frames [begin, end) after a jump, which the last of them confirms.
+  OdometryInfo confirmJump(int begin, int end) {
+    const std::size_t answers = numOdometries();
+    for (int k = begin; k < end; ++k) {
+      EXPECT_EQ(numOdometries(), answers) << "not confirmed yet";
+      show(k);
+      ros::WallDuration(kPeriod_s).sleep();
+    }
+    EXPECT_TRUE(waitFor([this] { return answered(); }));
+    EXPECT_EQ(numOdometries(), answers + static_cast<std::size_t>(end - begin));
+    return infoAt(stamp_ - ros::Duration((end - begin - 1) * kPeriod_s));
+  }
+};
 
 TEST_P(TimeJumpTest, FollowsThePolicy) {
   const std::string policy = GetParam();
@@ -512,13 +658,26 @@ TEST_P(TimeJumpTest, FollowsThePolicy) {
     EXPECT_EQ(numOdometries(), answers);
     return;
   }
-  EXPECT_EQ(drive(3, 4).state, OdometryInfo::INITIALIZING);
-  expectAt(policy == "reset" ? Eigen::Isometry3d::Identity() : synthetic::truePose(3));
-  const OdometryInfo info = drive(4, 7);
+  EXPECT_EQ(confirmJump(3, 3 + kConfirmations).state, OdometryInfo::INITIALIZING);
+  const OdometryInfo info = drive(6, 7);
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
   EXPECT_EQ(info.frames_rejected, 0U);
+  EXPECT_EQ(info.stamps_rejected, 0U);
   const Eigen::Isometry3d moved = synthetic::truePose(3).inverse() * synthetic::truePose(6);
   expectAt(policy == "reset" ? moved : synthetic::truePose(6), 0.03);
+}
+
+/// As after a gap: the pose is kept.
+TEST_P(TimeJumpTest, ForwardsKeepsThePose) {
+  set("on_time_jump", std::string(GetParam()));
+  ASSERT_TRUE(load());
+  drive(0, 4);
+  stamp_ += ros::Duration(7200.0);
+  EXPECT_EQ(confirmJump(3, 3 + kConfirmations).reason, "frame_gap");
+  const OdometryInfo info = drive(6, 8);
+  EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
+  EXPECT_EQ(info.stamps_rejected, 0U);
+  expectAt(synthetic::truePose(7), 0.03);
 }
 
 INSTANTIATE_TEST_SUITE_P(Policies, TimeJumpTest, ::testing::Values("reset", "keep_pose", "ignore"),

@@ -522,8 +522,8 @@ class SyntheticWorldTest(ToolTest):
 
     def test_print_parameters(self):
         table = self.succeed("synthetic_world", "--print-parameters").stdout
-        self.assertIn("| `noise` | 1.5 | 0 ... 50 | grey levels |", table)
-        self.assertIn("| `scene` | street | street, indoor, corridor |", table)
+        self.assertIn("| `noise` | -1 | -1 ... 50 | grey levels |", table)
+        self.assertIn("| `scene` | street | street, indoor, corridor, plaster |", table)
 
     def test_help(self):
         text = self.succeed("synthetic_world", "--help").stdout

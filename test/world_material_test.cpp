@@ -20,7 +20,7 @@ Material material(Pattern pattern) {
 
 const Pattern kPatterns[] = {Pattern::kPlain, Pattern::kRough,  Pattern::kBricks,
                              Pattern::kTiles, Pattern::kPanels, Pattern::kPicture,
-                             Pattern::kShelf, Pattern::kLeaves};
+                             Pattern::kShelf, Pattern::kLeaves, Pattern::kSpots};
 
 /// Mean of a fine grid of small patches over a square.
 float meanOfFinePatches(const Material& m, float u, float v, float size) {
@@ -101,7 +101,8 @@ TEST(Material, ChangesSmoothlyWithSizeAndPlaceOfThePatch) {
 
 // What a matcher compares is nowhere the same by accident.
 TEST(Material, DoesNotRepeat) {
-  for (const Pattern pattern : {Pattern::kRough, Pattern::kBricks, Pattern::kLeaves}) {
+  for (const Pattern pattern :
+       {Pattern::kRough, Pattern::kBricks, Pattern::kLeaves, Pattern::kSpots}) {
     const Material m = material(pattern);
     std::set<std::vector<int>> seen;
     int windows = 0;
@@ -119,6 +120,38 @@ TEST(Material, DoesNotRepeat) {
     }
     EXPECT_EQ(static_cast<int>(seen.size()), windows) << static_cast<int>(pattern);
   }
+}
+
+/// Variance of the means over squares of a size, over the variance of the pattern itself, both
+/// round the mean of half a metre.
+double shareLeftInMeans(const Material& m, float size) {
+  double of_means = 0.0;
+  double of_pattern = 0.0;
+  Random random(8);
+  constexpr int kPlaces = 400;
+  for (int i = 0; i < kPlaces; ++i) {
+    const auto u = static_cast<float>(random.uniform(-30.0, 30.0));
+    const auto v = static_cast<float>(random.uniform(-30.0, 30.0));
+    const float mean = meanOfFinePatches(m, u, v, 0.5F);
+    of_means += std::pow(meanOfFinePatches(m, u, v, size) - mean, 2);
+    of_pattern += std::pow(reflectance(m, patchAt(u, v, 0.001F)) - mean, 2);
+  }
+  return of_means / of_pattern;
+}
+
+TEST(Spots, AreSoftAnd3To20CentimetresWide) {
+  Material m = material(Pattern::kSpots);
+  const double within_spots = shareLeftInMeans(m, 0.015F);
+  const double across_spots = shareLeftInMeans(m, 0.15F);
+  EXPECT_GT(within_spots, 0.85);
+  EXPECT_LT(across_spots, 0.3);
+  float steepest = 0.0F;  // per millimetre
+  for (int i = 0; i < 20000; ++i) {
+    const float u = 0.001F * static_cast<float>(i);
+    steepest = std::max(steepest, std::abs(reflectance(m, patchAt(u, 0.7F, 0.001F)) -
+                                           reflectance(m, patchAt(u + 0.001F, 0.7F, 0.001F))));
+  }
+  EXPECT_LT(steepest, 0.15F * m.albedo * m.contrast);
 }
 
 TEST(Windows, ARecessShowsItsSideToASlantingRay) {
@@ -142,7 +175,7 @@ TEST(Sky, IsBrightAndSmooth) {
   float high = 0.0F;
   for (int i = 0; i < 360; ++i) {
     const auto angle = static_cast<float>(i * kPi / 180.0);
-    const float value = skyRadiance(7, std::cos(angle), std::sin(angle), 0.2F);
+    const float value = skyRadiance(7, 0.0F, std::cos(angle), std::sin(angle), 0.2F);
     low = std::min(low, value);
     high = std::max(high, value);
   }

@@ -15,8 +15,11 @@ struct ImagePyramid {
 
   ImagePyramid() = default;
 
-  /// \param image is shared, not copied. Levels that are too small for a corner are left out.
-  ImagePyramid(const cv::Mat& image, const PointParameters& parameters);
+  /// The image alone; it is shared, not copied.
+  explicit ImagePyramid(const cv::Mat& image) : levels{image} {}
+
+  /// Makes the other levels; those that are too small for a corner are left out.
+  void addLevels(const PointParameters& parameters);
 
   /// Pixels of the image per pixel of a level, along x and y.
   Eigen::Array2f ratio(int octave) const;

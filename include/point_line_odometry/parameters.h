@@ -11,8 +11,8 @@ struct PointParameters {
   bool enabled = true;
   int cell_size_px = 50;
   int max_per_cell = 20;
-  int levels = 3;
-  double scale_factor = 2.0;
+  int levels = 7;
+  double scale_factor = 1.4;
   int fast_threshold = 7;
 };
 
@@ -81,6 +81,7 @@ struct TrackingParameters {
   double max_turn_rate_deg_s = 400.0;
   bool standstill_hold = true;
   bool refine_calibration = true;
+  double max_megapixels = 1.0;
   int threads = 2;
 };
 
@@ -208,6 +209,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
         "estimate and correct a small smooth displacement of the right image against its "
         "calibration");
+  visit("tracking/max_megapixels", p.tracking.max_megapixels, 0.05, 1000.0, "Mpx",
+        "larger images are processed at a half, a third, ... of their size; all parameters in pixels "
+        "are of that size");
   visit("tracking/threads", p.tracking.threads, 1, 64, "",
         "threads that work on one frame; results do not depend on it");
 }

@@ -180,7 +180,8 @@ class StereoOdometry {
   const StereoCamera& camera() const;
   const Parameters& parameters() const;
 
-  /// Displacement of the right image against its calibration, as estimated so far.
+  /// Displacement of the right image against its calibration, as estimated so far; in pixels of the
+  /// images as they are processed (tracking/max_megapixels).
   const RightImageCorrection& correction() const;
 
  private:

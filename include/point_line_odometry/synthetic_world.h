@@ -21,11 +21,12 @@ struct SyntheticWorldOptions {
   double frame_rate_hz = 0.0;
   int moving_objects = 0;
   double open_country = 0.0;
+  double hill = 0.0;
   double exposure_ev = 0.0;
-  double motion_blur_ms = 0.0;
+  double motion_blur_ms = -1.0;
   double lens_blur_px = 0.5;
   double vignetting = 0.2;
-  double noise = 1.5;
+  double noise = -1.0;
 
   /// Motion of the left camera instead of the scene's own, at least one pose, strictly increasing
   /// stamps; between them it is interpolated, after the last one it stands still. The first pose
@@ -37,22 +38,29 @@ struct SyntheticWorldOptions {
 /// command line, the ROS node and the README take them from here.
 template <typename AnyOptions, typename Visitor>
 void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
-  visit("scene", o.scene, std::vector<std::string>{"street", "indoor", "corridor"},
-        "a drive with KITTI's camera, a flight through rooms or along plain walls with EuRoC's");
+  visit("scene", o.scene, std::vector<std::string>{"street", "indoor", "corridor", "plaster"},
+        "a drive with KITTI's camera; with EuRoC's a flight through rooms, along plain walls, or "
+        "fast through dark rooms of plaster");
   visit("seed", o.seed, 0, 1000000, "", "each seed is a world of its own");
   visit("speed", o.speed, 0.0, 10.0, "", "times the scene's own; 0 stands still");
   visit("rotation", o.rotation, 0.0, 20.0, "", "times the scene's own sway of the camera");
   visit("frame_rate_hz", o.frame_rate_hz, 0.0, 200.0, "Hz",
-        "0: the scene's own, 10 for the street and 20 indoors");
+        "0: the scene's own, 10 for the street and 20 elsewhere");
   visit("moving_objects", o.moving_objects, 0, 50, "", "cars on the road (street)");
   visit("open_country", o.open_country, 0.0, 1.0, "",
         "share of the town's blocks that are meadows with a few trees instead (street)");
+  visit(
+      "hill", o.hill, 0.0, 1.5, "",
+      "1: the road leads over a hill of 7 m under clouds before it comes to the town, where little "
+      "is seen but asphalt, lane dashes and sky; other values: times as high (street)");
   visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
-  visit("motion_blur_ms", o.motion_blur_ms, 0.0, 100.0, "ms", "how long the shutter is open");
+  visit("motion_blur_ms", o.motion_blur_ms, -1.0, 100.0, "ms",
+        "how long the shutter is open; negative: the scene's own, 15 for plaster, else 0");
   visit("lens_blur_px", o.lens_blur_px, 0.0, 5.0, "px", "standard deviation of the lens's blur");
   visit("vignetting", o.vignetting, 0.0, 1.0, "", "share of light lost in the corners");
-  visit("noise", o.noise, 0.0, 50.0, "grey levels",
-        "standard deviation of the sensor's noise at middle grey");
+  visit("noise", o.noise, -1.0, 50.0, "grey levels",
+        "standard deviation of the sensor's noise at middle grey; negative: the scene's own, 8 "
+        "for plaster, else 1.5");
 }
 
 /// One sentence for each option that is out of its range; empty if all are fine.

@@ -39,7 +39,7 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
 StereoFrame Stages::makeFrame(const StereoImages& images) {
   StereoFrame frame;
   frame.stamp_ns = images.stamp_ns;
-  frame.left_image = ImagePyramid(images.left, PointParameters());
+  frame.left_image = ImagePyramid(images.left);
   frame.features = stereo_detector_.detect(images, &threads_);
   const StereoMatches matches =
       ::point_line_odometry::matchStereo(frame.features, parameters_.matching, &threads_);

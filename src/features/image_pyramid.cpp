@@ -7,8 +7,9 @@
 
 namespace point_line_odometry {
 
-ImagePyramid::ImagePyramid(const cv::Mat& image, const PointParameters& parameters)
-    : levels{image} {
+void ImagePyramid::addLevels(const PointParameters& parameters) {
+  const cv::Mat image = levels.front();
+  levels = {image};
   constexpr int kSmallest = 2 * OrbDescriptor::kBorder;
   for (int octave = 1; octave < parameters.levels; ++octave) {
     const double scale = std::pow(parameters.scale_factor, octave);

@@ -96,7 +96,9 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
 
 std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) {
   std::vector<PointFeature> features = detectFinest(image);
-  const std::vector<PointFeature> coarser = detectCoarser(ImagePyramid(image, parameters_));
+  ImagePyramid pyramid(image);
+  pyramid.addLevels(parameters_);
+  const std::vector<PointFeature> coarser = detectCoarser(pyramid);
   features.insert(features.end(), coarser.begin(), coarser.end());
   return features;
 }

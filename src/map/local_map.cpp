@@ -22,6 +22,9 @@ constexpr double kTrackedSigmas = 6.0;
 constexpr int kMinMissed = 2;
 constexpr int kMaxMissed = 20;
 
+// Of the points wanted in a cell, the share that unmatched ones may fill even in slow motion.
+constexpr double kLeastShareOfUnmatched = 0.25;
+
 /// The covariance of a translation and rotation in axes turned by a rotation.
 Matrix6d inOtherAxes(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
   Matrix6d turn = Matrix6d::Zero();
@@ -205,25 +208,28 @@ void LocalMap::forget() {
   lines_.erase(std::remove_if(lines_.begin(), lines_.end(), forgotten), lines_.end());
 }
 
-/// Where cells want more: inliers first, and of either kind the strongest first.
+/// Where cells want more: inliers first, and of either kind the strongest first. The more of what is
+/// seen is new, the fewer points look as they did a frame ago, and the more unmatched ones count.
 void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
                          const LandmarkCandidates& candidates) {
-  PointQuota quota(context.camera, context.parameters.points.cell_size_px,
-                   window_.points_per_cell);
+  PointQuota quota(context.camera, context.parameters.points.cell_size_px);
   for (const Entry<PointSight>& seen : reference_.points)
     quota.occupy(seen.sight.left_px.cast<float>());
   const auto feature = [&](int i) -> const PointFeature& {
     return frame.features.points_left[frame.points[i].left];
   };
-  for (std::vector<int> strongest_first : {candidates.points, candidates.unmatched_points}) {
+  const auto add = [&](std::vector<int> strongest_first, int wanted) {
     std::stable_sort(strongest_first.begin(), strongest_first.end(),
                      [&](int a, int b) { return feature(a).response > feature(b).response; });
     for (const int i : strongest_first) {
       const Eigen::Vector2f& pixel = feature(i).pixel;
-      if (patchFits(pixel, context.camera) && quota.take(pixel))
+      if (patchFits(pixel, context.camera) && quota.take(pixel, wanted))
         addPoint(frame, context, frame.points[i]);
     }
-  }
+  };
+  add(candidates.points, window_.points_per_cell);
+  const double share = std::max(kLeastShareOfUnmatched, share_of_new_);
+  add(candidates.unmatched_points, static_cast<int>(std::lround(share * window_.points_per_cell)));
 }
 
 void LocalMap::addPoint(const StereoFrame& frame, const FrameContext& context,

@@ -12,18 +12,17 @@ constexpr float kApartPx = 8.0F;  // between a new point and others
 
 }  // namespace
 
-PointQuota::PointQuota(const StereoCamera& camera, int cell_size_px, int wanted)
+PointQuota::PointQuota(const StereoCamera& camera, int cell_size_px)
     : cell_size_(static_cast<float>(cell_size_px)),
       columns_(camera.width / cell_size_px + 1),
-      wanted_(static_cast<std::size_t>(wanted)),
       cells_(static_cast<std::size_t>(columns_) * (camera.height / cell_size_px + 1)) {}
 
-bool PointQuota::take(const Eigen::Vector2f& pixel) {
+bool PointQuota::take(const Eigen::Vector2f& pixel, int wanted) {
   std::vector<Eigen::Vector2f>& points = cell(pixel);
   const auto near = [&](const Eigen::Vector2f& other) {
     return (other - pixel).squaredNorm() < kApartPx * kApartPx;
   };
-  if (points.size() >= wanted_ || std::any_of(points.begin(), points.end(), near)) return false;
+  if (static_cast<int>(points.size()) >= wanted || std::any_of(points.begin(), points.end(), near)) return false;
   points.push_back(pixel);
   return true;
 }

@@ -12,20 +12,19 @@ namespace point_line_odometry {
 /// Where new points may be taken: the image in cells, each of which wants a number of points.
 class PointQuota {
  public:
-  PointQuota(const StereoCamera& camera, int cell_size_px, int wanted);
+  PointQuota(const StereoCamera& camera, int cell_size_px);
 
   /// A point that is there already; it must lie in the image.
   void occupy(const Eigen::Vector2f& pixel) { cell(pixel).push_back(pixel); }
 
-  /// Takes a pixel if its cell wants one more, and no other point is near.
-  bool take(const Eigen::Vector2f& pixel);
+  /// Takes a pixel if its cell has fewer points than wanted, and no other is near.
+  bool take(const Eigen::Vector2f& pixel, int wanted);
 
  private:
   std::vector<Eigen::Vector2f>& cell(const Eigen::Vector2f& pixel);
 
   float cell_size_;
   int columns_;
-  std::size_t wanted_;
   std::vector<std::vector<Eigen::Vector2f>> cells_;
 };
 

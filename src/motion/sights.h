@@ -19,8 +19,9 @@ struct FrameContext {
   const RightImageCorrection& correction;  ///< of what is seen in the right image
   const Parameters& parameters;
   NoiseScale noise = {};
-  ImagePyramid left = ImagePyramid(images.left, parameters.points);
-  ImagePyramid right = ImagePyramid(images.right, parameters.points);
+  /// The images, and their coarser levels where points of those are in use.
+  ImagePyramid left = ImagePyramid(images.left);
+  ImagePyramid right = ImagePyramid(images.right);
 };
 
 /// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, in pixels of its

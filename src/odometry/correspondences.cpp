@@ -153,6 +153,12 @@ bool PointCoverage::isPoor() const {
   return static_cast<double>(few) > kManyCells * static_cast<double>(counts_.size());
 }
 
+bool hasCoarserPoints(const StereoFrame& frame) {
+  return std::any_of(frame.points.begin(), frame.points.end(), [&](const StereoPoint& point) {
+    return frame.features.points_left[point.left].octave > 0;
+  });
+}
+
 void addCoarserPoints(const DetectedFeatures& coarser, const PointCoverage& coverage,
                       const FrameContext& context, ThreadPool* threads, StereoFrame* frame) {
   DetectedFeatures& features = frame->features;

@@ -34,6 +34,9 @@ class PointCoverage {
   std::vector<int> counts_;
 };
 
+/// Whether some of a frame's points were detected in coarser levels.
+bool hasCoarserPoints(const StereoFrame& frame);
+
 /// Adds points that were detected in coarser levels of the pyramid, where the frame is short of
 /// stereo points: matches and triangulates them.
 void addCoarserPoints(const DetectedFeatures& coarser, const PointCoverage& coverage,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "common/join.h"
 #include "map/bundle_adjustment.h"
 #include "odometry/correspondences.h"
+#include "odometry/image_reduction.h"
 #include "odometry/motion_measurement.h"
 #include "odometry/stage_timer.h"
 #include "odometry/state_archive.h"
@@ -59,13 +61,14 @@ class StereoOdometry::Impl {
   void setParameters(const Parameters& parameters);
   std::string saveState();
   void restoreState(const std::string& bytes);
-  const StereoCamera& camera() const { return camera_; }
+  const StereoCamera& camera() const { return input_camera_; }
   const Parameters& parameters() const { return parameters_; }
   const RightImageCorrection& correction() const { return refinement_.correction(); }
 
  private:
   void track(const StereoImages& images, double dt_s, FrameResult* result);
-  StereoFrame makeFrame(const FrameContext& context, StageTimes* times);
+  StereoFrame makeFrame(FrameContext* context, StageTimes* times);
+  void addCoarserPoints(FrameContext* context, StereoFrame* frame);
   void integrate(const MotionMeasurement& measurement, std::int64_t stamp_ns, double dt_s);
   void integratePrediction(std::int64_t stamp_ns, double dt_s);
   MotionStep stepOf(const MotionMeasurement& measurement) const;
@@ -82,13 +85,16 @@ class StereoOdometry::Impl {
   FrameResult dropped(TrackingReason reason, FrameResult result) const;
   void giveUp(const char* error, double dt_s, FrameResult* result);
   void refineCalibration(const StereoFrame& curr, const MotionMeasurement& measurement);
+  void useCamera();
   void startNewReference();
   void startNewMap();
   template <typename Archive>
   void visitState(Archive* archive);
 
-  StereoCamera camera_;
+  StereoCamera input_camera_;
   Parameters parameters_;
+  ImageReduction reduction_;
+  StereoCamera camera_;  // of the images as they are processed
   std::unique_ptr<ThreadPool> threads_;
   StereoFeatureDetector detector_;
   CalibrationRefinement refinement_;
@@ -106,11 +112,13 @@ class StereoOdometry::Impl {
 };
 
 StereoOdometry::Impl::Impl(const StereoCamera& camera, const Parameters& parameters)
-    : camera_((camera.validate(), camera)),
+    : input_camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
+      reduction_(camera, parameters.tracking),
+      camera_(reduction_.camera()),
       threads_(std::make_unique<ThreadPool>(parameters.tracking.threads)),
       detector_(parameters.points, parameters.lines),
-      refinement_(camera) {
+      refinement_(camera_) {
   startNewReference();
 }
 
@@ -118,7 +126,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
   const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
-  if (!fits(images.left, camera_) || !fits(images.right, camera_)) {
+  if (!fits(images.left, input_camera_) || !fits(images.right, input_camera_)) {
     return dropped(TrackingReason::kWrongImages, std::move(result));
   }
   if (last_stamp_ns_ && images.stamp_ns <= *last_stamp_ns_) {
@@ -126,7 +134,8 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
   }
   const double dt_s = last_stamp_ns_ ? toSeconds(images.stamp_ns - *last_stamp_ns_) : 0.0;
   try {
-    track(images, dt_s, &result);
+    track(reduction_.reduce(images), dt_s, &result);
+    reduction_.toInputPixels(&result);
   } catch (const std::exception& error) {
     giveUp(error.what(), dt_s, &result);
   }
@@ -136,8 +145,8 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
 
 void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameResult* result) {
   const RightImageCorrection correction = refinement_.correction();
-  const FrameContext context{images, camera_, correction, parameters_, noise_};
-  StereoFrame curr = makeFrame(context, &result->times);
+  FrameContext context{images, camera_, correction, parameters_, noise_};
+  StereoFrame curr = makeFrame(&context, &result->times);
   {
     const StageTimer timer(&result->times, Stage::kWindow);
     finishWindow();
@@ -171,14 +180,13 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
   }
 }
 
-StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTimes* times) {
+StereoFrame StereoOdometry::Impl::makeFrame(FrameContext* context, StageTimes* times) {
   StereoFrame frame;
-  frame.stamp_ns = context.images.stamp_ns;
+  frame.stamp_ns = context->images.stamp_ns;
   {
     const StageTimer timer(times, Stage::kDetect);
-    frame.left_image = context.left;
-    frame.left_image.levels.front() = context.images.left.clone();
-    frame.features = detector_.detect(context.images, threads_.get());
+    frame.left_image = ImagePyramid(context->images.left.clone());
+    frame.features = detector_.detect(context->images, threads_.get());
   }
   StereoMatches matches;
   {
@@ -187,16 +195,30 @@ StereoFrame StereoOdometry::Impl::makeFrame(const FrameContext& context, StageTi
   }
   {
     const StageTimer timer(times, Stage::kTriangulate);
-    triangulateMatches(matches, context, threads_.get(), &frame);
+    triangulateMatches(matches, *context, threads_.get(), &frame);
   }
-  const PointCoverage coverage(frame, context);
-  if (parameters_.points.levels > 1 && coverage.isPoor()) {
+  if (parameters_.points.enabled && parameters_.points.levels > 1) {
     const StageTimer timer(times, Stage::kDetect);
-    const DetectedFeatures coarser =
-        detector_.detectCoarserPoints(context.left, context.right, threads_.get());
-    addCoarserPoints(coarser, coverage, context, threads_.get(), &frame);
+    addCoarserPoints(context, &frame);
   }
   return frame;
+}
+
+/// Points of coarser levels where the frame is short of points, and the levels themselves, too,
+/// where points of the reference are looked for in them.
+void StereoOdometry::Impl::addCoarserPoints(FrameContext* context, StereoFrame* frame) {
+  const PointCoverage coverage(*frame, *context);
+  const bool poor = coverage.isPoor();
+  if (!poor && !(history_.reference && hasCoarserPoints(*history_.reference))) return;
+  threads_->run(2, [&](int task) {
+    (task == 0 ? context->left : context->right).addLevels(parameters_.points);
+  });
+  std::copy(context->left.levels.begin() + 1, context->left.levels.end(),
+            std::back_inserter(frame->left_image.levels));
+  if (!poor) return;
+  const DetectedFeatures coarser =
+      detector_.detectCoarserPoints(context->left, context->right, threads_.get());
+  ::point_line_odometry::addCoarserPoints(coarser, coverage, *context, threads_.get(), frame);
 }
 
 void StereoOdometry::Impl::integrate(const MotionMeasurement& measurement, std::int64_t stamp_ns,
@@ -412,8 +434,15 @@ void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
 
 void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   camera.validate();
-  camera_ = camera;
-  refinement_ = CalibrationRefinement(camera);
+  input_camera_ = camera;
+  useCamera();
+}
+
+/// Of what was estimated before, nothing holds for images of another camera or size.
+void StereoOdometry::Impl::useCamera() {
+  reduction_ = ImageReduction(input_camera_, parameters_.tracking);
+  camera_ = reduction_.camera();
+  refinement_ = CalibrationRefinement(camera_);
   noise_ = NoiseScale();
   startNewReference();
 }
@@ -424,6 +453,7 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   if (!parameters.motion.adapt_noise || parameters.window.size == 0) noise_ = NoiseScale();
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
+  if (ImageReduction(input_camera_, parameters.tracking).camera() != camera_) useCamera();
   const auto is_of_map = [](const auto& parameter) {
     return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
   };
@@ -455,9 +485,9 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 /// is solved before.
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
-  auto& [camera, parameters, threads, detector, refinement, state, history, noise, T_odom_map,
-         window, failed_windows, pose, output, last_stamp_ns] = *this;
-  static_cast<void>(std::tie(camera, threads, detector, window));
+  auto& [input_camera, parameters, reduction, camera, threads, detector, refinement, state, history,
+         noise, T_odom_map, window, failed_windows, pose, output, last_stamp_ns] = *this;
+  static_cast<void>(std::tie(input_camera, reduction, camera, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
   archive->visit(history.reference);

@@ -249,12 +249,24 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration,
   return info;
 }
 
+const char* differingField(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b) {
+  if (a.width != b.width) return "width";
+  if (a.height != b.height) return "height";
+  if (a.distortion_model != b.distortion_model) return "distortion_model";
+  if (!sameNumbers(a.D, b.D)) return "D";
+  if (!sameNumbers(a.K, b.K)) return "K";
+  if (!sameNumbers(a.R, b.R)) return "R";
+  if (!sameNumbers(a.P, b.P)) return "P";
+  if (a.binning_x != b.binning_x || a.binning_y != b.binning_y) return "binning";
+  const auto& p = a.roi;
+  const auto& q = b.roi;
+  const bool same_roi = p.x_offset == q.x_offset && p.y_offset == q.y_offset &&
+                        p.width == q.width && p.height == q.height;
+  return same_roi ? nullptr : "roi";
+}
+
 bool sameCalibration(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b) {
-  return a.width == b.width && a.height == b.height && a.distortion_model == b.distortion_model &&
-         sameNumbers(a.D, b.D) && sameNumbers(a.K, b.K) && sameNumbers(a.R, b.R) &&
-         sameNumbers(a.P, b.P) && a.binning_x == b.binning_x && a.binning_y == b.binning_y &&
-         a.roi.x_offset == b.roi.x_offset && a.roi.y_offset == b.roi.y_offset &&
-         a.roi.width == b.roi.width && a.roi.height == b.roi.height;
+  return differingField(a, b) == nullptr;
 }
 
 std::string withoutLeadingSlash(const std::string& frame_id) {

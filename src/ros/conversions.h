@@ -54,7 +54,11 @@ StereoCalibration toStereoCalibration(const sensor_msgs::CameraInfo& left,
 sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration,
                                      const std_msgs::Header& header);
 
-/// True if both messages describe the same camera; the header does not count.
+/// Name of the first field in which the messages describe different cameras, null if they do not;
+/// the header does not count.
+const char* differingField(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b);
+
+/// True if there is no such field.
 bool sameCalibration(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b);
 
 /// A frame's name as tf2 wants it.

@@ -14,6 +14,7 @@ using Level = diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kWarnPeriodS = 5.0;
 constexpr double kRepeatPeriodS = 60.0;  // of a warning that lasts
+constexpr double kShownS = 10.0;         // what is over
 
 std::uint8_t levelOf(TrackingState state) {
   switch (state) {
@@ -93,6 +94,13 @@ void Diagnostics::noteException(const std::string& text) {
   const std::lock_guard<std::mutex> lock(mutex_);
   ++counters_.exceptions;
   problem_ = "exception: " + text;
+}
+
+void Diagnostics::noteRejectedStamp(const std::string& text) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++counters_.stamps_rejected;
+  rejected_stamp_ = text;
+  time_of_rejected_stamp_ = ros::WallTime::now();
 }
 
 void Diagnostics::notePaused(bool paused) {
@@ -178,7 +186,13 @@ void Diagnostics::reportInput(Status& status) {
   } else {
     status.summary(Level::ERROR, "no synchronised stereo images; " + silence_);
   }
+  if (time_of_rejected_stamp_ &&
+      (ros::WallTime::now() - *time_of_rejected_stamp_).toSec() < kShownS) {
+    status.mergeSummary(Level::WARN, "message rejected: " + rejected_stamp_);
+  }
   status.add("synchronised sets", num_sets_);
+  status.add("messages rejected for their stamp", counters_.stamps_rejected);
+  status.add("last of these", rejected_stamp_.empty() ? "none" : rejected_stamp_);
   status.add("left images without partner", num_unpaired_);
   mergeLines(examination_,
              {DoctorSubject::kLeftImage, DoctorSubject::kRightImage, DoctorSubject::kLeftInfo,

@@ -32,6 +32,8 @@ class Diagnostics {
   void noteDropped();
   void noteRejected(const std::string& reason);
   void noteException(const std::string& text);
+  /// \param text topic and fault of a message that was rejected for its stamp.
+  void noteRejectedStamp(const std::string& text);
   void notePaused(bool paused);
   void noteWaitingForTransform(const std::string& text);
   void noteExamination(const std::vector<DoctorLine>& lines);
@@ -64,8 +66,10 @@ class Diagnostics {
   std::uint64_t failed_windows_ = 0;  // of keyframes, without a solution
   std::deque<double> process_ms_;     // of the latest frames
   std::vector<DoctorLine> examination_;
-  std::string problem_;  // of the last frame, empty if there is none
-  std::string silence_;  // why no images come, empty if they do
+  std::string problem_;         // of the last frame, empty if there is none
+  std::string silence_;         // why no images come, empty if they do
+  std::string rejected_stamp_;  // the last one
+  std::optional<ros::WallTime> time_of_rejected_stamp_;
   std::uint64_t num_sets_ = 0;
   std::uint64_t num_unpaired_ = 0;
   std::uint64_t processed_at_last_rate_ = 0;

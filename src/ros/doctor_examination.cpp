@@ -77,7 +77,6 @@ void DoctorExamination::takeCalibration(const StereoMessages& messages) {
   trend_ = PairTrend();
   try {
     calibration_ = toStereoCalibration(*left_info_, *right_info_);
-    if (parameters_.rectify) rectifier_.emplace(calibration_);
     camera_ = rectifiedCamera(calibration_);
   } catch (const MessageError& error) {
     calibration_fault_ = error.what();
@@ -88,15 +87,24 @@ void DoctorExamination::takeCalibration(const StereoMessages& messages) {
 
 void DoctorExamination::measure(const StereoMessages& set) {
   takeCalibration(set);
-  if (parameters_.rectify && !rectifier_) return;
+  if (parameters_.rectify && !camera_) return;
   try {
-    const StereoImages images =
-        rectifier_ ? rectifier_->rectify(toStereoImages(*set.left, *set.right, calibration_))
-                   : StereoImages{toGray(*set.left), toGray(*set.right), 0};
+    const StereoImages images = parameters_.rectify
+                                    ? rectify(toStereoImages(*set.left, *set.right, calibration_))
+                                    : StereoImages{toGray(*set.left), toGray(*set.right), 0};
     trend_.add(measurePair(images.left, images.right));
   } catch (const MessageError&) {
     // The facts say it: they look at the latest messages in the same way.
+  } catch (const std::invalid_argument& error) {
+    calibration_fault_ = std::string("camera_info: ") + error.what();
+    camera_.reset();
   }
+}
+
+/// Look-up tables are made only for the size that the images have.
+StereoImages DoctorExamination::rectify(const StereoImages& raw) {
+  if (!rectifier_) rectifier_.emplace(calibration_);
+  return rectifier_->rectify(raw);
 }
 
 DoctorFacts DoctorExamination::facts(const InputFacts& input, const tf2::BufferCore& tf) {

@@ -55,6 +55,7 @@ class DoctorExamination {
 
  private:
   void takeCalibration(const StereoMessages& messages);
+  StereoImages rectify(const StereoImages& raw);
   std::optional<Eigen::Isometry3d> findMounting(const std::string& camera_frame,
                                                 const tf2::BufferCore& tf) const;
 

@@ -243,6 +243,7 @@ OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, 
   info.frames_dropped = counters.dropped;
   info.frames_rejected = counters.rejected;
   info.exceptions = counters.exceptions;
+  info.stamps_rejected = counters.stamps_rejected;
   return info;
 }
 

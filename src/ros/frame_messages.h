@@ -47,12 +47,13 @@ struct FrameNames {
   std::string base;
 };
 
-/// Frames counted since start-up.
+/// Frames counted since start-up, and messages that made none.
 struct FrameCounters {
   std::uint64_t processed = 0;
   std::uint64_t dropped = 0;
   std::uint64_t rejected = 0;
   std::uint64_t exceptions = 0;
+  std::uint64_t stamps_rejected = 0;  ///< images and camera_infos, see StampFilter
 };
 
 /// A line segment fixed in odom [m].

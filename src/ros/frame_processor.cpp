@@ -26,11 +26,7 @@ FrameProcessor::FrameProcessor(AllParameters parameters)
 ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
                                        const Eigen::Isometry3d& T_base_header) {
   started_anew_ = false;
-  const bool known = calibrationFits(messages);
-  Calibration calibration = known ? Calibration() : makeCalibration(messages);
-  const StereoImages received = toStereoImages(*messages.left, *messages.right,
-                                               known ? calibration_->stereo : calibration.stereo);
-  if (!known) takeCalibration(std::move(calibration));
+  const StereoImages received = receive(messages);
   takeMounting(T_base_header * calibration_->T_header_camera());
   handleTimeJump(received.stamp_ns);
 
@@ -88,23 +84,56 @@ Eigen::Isometry3d FrameProcessor::Calibration::T_header_camera() const {
   return T;
 }
 
-bool FrameProcessor::calibrationFits(const StereoMessages& messages) const {
-  return calibration_ && sameCalibration(calibration_->left_info, *messages.left_info) &&
-         sameCalibration(calibration_->right_info, *messages.right_info);
+bool FrameProcessor::InfoPair::operator==(const InfoPair& other) const {
+  return sameCalibration(*left, *other.left) && sameCalibration(*right, *other.right);
 }
 
-FrameProcessor::Calibration FrameProcessor::makeCalibration(const StereoMessages& messages) const {
+/// The images as they came, once they and their calibration are checked.
+StereoImages FrameProcessor::receive(const StereoMessages& messages) {
+  const InfoPair infos{messages.left_info, messages.right_info};
+  if (calibration_ && calibration_->infos == infos) {
+    other_infos_.clear();
+    return toStereoImages(*messages.left, *messages.right, calibration_->stereo);
+  }
+  const bool confirmed = !calibration_ || other_infos_.add(infos);
+  Calibration calibration = makeCalibration(infos);
+  StereoImages images = toStereoImages(*messages.left, *messages.right, calibration.stereo);
+  if (!confirmed) rejectUnconfirmed(infos);
+  takeCalibration(std::move(calibration));
+  return images;
+}
+
+FrameProcessor::Calibration FrameProcessor::makeCalibration(const InfoPair& infos) {
   Calibration calibration;
-  calibration.left_info = *messages.left_info;
-  calibration.right_info = *messages.right_info;
-  calibration.stereo = toStereoCalibration(*messages.left_info, *messages.right_info);
+  calibration.infos = infos;
+  calibration.stereo = toStereoCalibration(*infos.left, *infos.right);
   try {
-    if (parameters_.node.rectify) calibration.rectifier.emplace(calibration.stereo);
     calibration.camera = rectifiedCamera(calibration.stereo);
   } catch (const std::invalid_argument& error) {
     throw MessageError(std::string("camera_info: ") + error.what());
   }
   return calibration;
+}
+
+void FrameProcessor::rejectUnconfirmed(const InfoPair& infos) const {
+  const InfoPair& known = calibration_->infos;
+  const char* left = differingField(*infos.left, *known.left);
+  const char* right = differingField(*infos.right, *known.right);
+  throw MessageError(std::string(left ? "left" : "right") + "/camera_info: " +
+                     (left ? left : right) + " is not as in the frames before; it is taken once " +
+                     std::to_string(kConfirmations) + " frames in a row have it");
+}
+
+/// Look-up tables are made only for the size that the images have.
+void FrameProcessor::takeCalibration(Calibration calibration) {
+  try {
+    if (parameters_.node.rectify) calibration.rectifier.emplace(calibration.stereo);
+  } catch (const std::invalid_argument& error) {
+    throw MessageError(std::string("camera_info: ") + error.what());
+  }
+  calibration_ = std::move(calibration);
+  continues_ = false;
+  if (odometry_) odometry_->setCamera(calibration_->camera);
 }
 
 /// A stamp that is older by no more than a gap between frames is one of a frame that comes late;
@@ -115,12 +144,6 @@ void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
   if (back_s <= kMaxLateness_s) return;
   started_anew_ = parameters_.node.on_time_jump == "reset";
   reset(started_anew_ ? initialPose(parameters_.node) : T_odom_base_);
-}
-
-void FrameProcessor::takeCalibration(Calibration calibration) {
-  calibration_ = std::move(calibration);
-  continues_ = false;
-  if (odometry_) odometry_->setCamera(calibration_->camera);
 }
 
 void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {

@@ -10,6 +10,7 @@
 
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
+#include "ros/confirmation.h"
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
 
@@ -36,7 +37,9 @@ struct FrameStart {
 
 /// Leads one set of messages after the other through the core, and keeps what the core knows
 /// nothing of: the calibration that comes with each frame, the place of the camera on the robot,
-/// and what to do when the clock jumps back. Needs no node; not thread-safe.
+/// and what to do when the clock jumps back. Jumps are to be confirmed before (StampFilter);
+/// another calibration is taken when kConfirmations frames in a row have it. Needs no node; not
+/// thread-safe.
 class FrameProcessor {
  public:
   explicit FrameProcessor(AllParameters parameters);
@@ -63,10 +66,16 @@ class FrameProcessor {
   bool startedAnew() const { return started_anew_; }
 
  private:
+  struct InfoPair {
+    sensor_msgs::CameraInfoConstPtr left;
+    sensor_msgs::CameraInfoConstPtr right;
+
+    bool operator==(const InfoPair& other) const;
+  };
+
   /// What follows from a pair of camera_infos.
   struct Calibration {
-    sensor_msgs::CameraInfo left_info;
-    sensor_msgs::CameraInfo right_info;
+    InfoPair infos;
     StereoCalibration stereo;
     StereoCamera camera;
     std::optional<StereoRectifier> rectifier;
@@ -74,16 +83,18 @@ class FrameProcessor {
     Eigen::Isometry3d T_header_camera() const;
   };
 
-  bool calibrationFits(const StereoMessages& messages) const;
-  Calibration makeCalibration(const StereoMessages& messages) const;
-  void handleTimeJump(std::int64_t stamp_ns);
+  StereoImages receive(const StereoMessages& messages);
+  static Calibration makeCalibration(const InfoPair& infos);
+  [[noreturn]] void rejectUnconfirmed(const InfoPair& infos) const;
   void takeCalibration(Calibration calibration);
+  void handleTimeJump(std::int64_t stamp_ns);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
   Parameters budgetedParameters() const;
 
   AllParameters parameters_;
   std::optional<Calibration> calibration_;
+  Confirmation<InfoPair> other_infos_;
   std::optional<StereoOdometry> odometry_;
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_base_;  // at the last frame, or where the next one starts

@@ -77,8 +77,8 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
         "transport of the input images: raw, compressed, ...");
   visit("rectify", p.rectify, "subscribe to image_raw and rectify here with camera_info");
   visit("on_time_jump", p.on_time_jump, std::vector<std::string>{"reset", "keep_pose", "ignore"},
-        "when stamps jump back by more than a second: start at initial_pose, go on from the last "
-        "pose, or drop frames");
+        "when stamps jump back by more than a second and three messages in a row confirm it: start "
+        "at initial_pose, go on from the last pose, or drop frames");
   visit("watchdog_timeout_s", p.watchdog_timeout_s, 0.5, 3600.0, "s",
         "time without a pair of images after which a warning says what is missing");
   visit("target_frame_time_ms", p.target_frame_time_ms, 0.0, 10000.0, "ms",

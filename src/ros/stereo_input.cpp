@@ -17,6 +17,8 @@ namespace {
 /// So many may have been on their way when everything stopped.
 constexpr std::uint64_t kFewMessages = 3;
 
+constexpr double kWarnPeriodS = 5.0;
+
 constexpr std::size_t kRemembered = 32;  // latest stamps and times of a topic
 
 template <typename Value>
@@ -50,8 +52,8 @@ std::uint32_t stereoQueueSize(const NodeParameters& parameters) {
 }
 
 StereoInput::StereoInput(const NodeParameters& parameters, const TopicNames& names,
-                         Callback callback)
-    : parameters_(parameters), callback_(std::move(callback)) {
+                         Callback callback, RejectionCallback rejected)
+    : parameters_(parameters), callback_(std::move(callback)), rejected_(std::move(rejected)) {
   for (std::size_t i = 0; i < kNumStereoTopics; ++i) arrivals_[i].name = names[i];
   makeSynchronizer();
 }
@@ -60,6 +62,7 @@ void StereoInput::makeSynchronizer() {
   const std::uint32_t queue_size = stereoQueueSize(parameters_);
   exact_.reset();
   near_.reset();
+  waiting_.fill(false);
   if (parameters_.approximate_sync) {
     near_ = std::make_unique<message_filters::Synchronizer<NearPolicy>>(NearPolicy(queue_size));
     near_->setMaxIntervalDuration(ros::Duration(parameters_.approximate_sync_max_interval_s));
@@ -88,12 +91,12 @@ void StereoInput::addInfo(StereoTopic topic, const sensor_msgs::CameraInfoConstP
   }
 }
 
-/// An exception that left a callback would end every nodelet of the manager; differences of stamps
-/// that are too long for a ros::Duration throw.
+/// An exception that left a callback would end every nodelet of the manager.
 template <int topic, typename Message>
 void StereoInput::add(const boost::shared_ptr<const Message>& message, double arrival_s) {
-  const bool jumped_back =
-      noteArrival(static_cast<StereoTopic>(topic), message->header.stamp, arrival_s);
+  constexpr auto kTopic = static_cast<StereoTopic>(topic);
+  const ros::Time& stamp = message->header.stamp;
+  noteArrival(kTopic, stamp, arrival_s);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if constexpr (topic == kLeftImage) latest_.left = message;
@@ -102,10 +105,10 @@ void StereoInput::add(const boost::shared_ptr<const Message>& message, double ar
     if constexpr (topic == kRightInfo) latest_.right_info = message;
   }
   try {
-    if (jumped_back) makeSynchronizer();
-    synchronise<topic>(message);
+    follow(kTopic, filters_[topic].add(stamp, ros::Time::now(),
+                                       [this, message] { synchronise<topic>(message); }));
   } catch (const std::exception& error) {
-    ROS_ERROR_THROTTLE(5.0,
+    ROS_ERROR_THROTTLE(kWarnPeriodS,
                        "images and camera_infos that waited for their partners are dropped: %s",
                        error.what());
     makeSynchronizer();
@@ -121,21 +124,39 @@ void StereoInput::synchronise(const boost::shared_ptr<const Message>& message) {
   }
 }
 
-/// Returns true if the clock has jumped back since the last message of this topic.
-bool StereoInput::noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s) {
+/// What waits for its partners never comes from before and after a jump of the same topic's clock.
+/// The other topics follow to where this one has jumped: what waits for them there stays.
+void StereoInput::follow(StereoTopic topic, const StampFilter::Decision& decision) {
+  for (const StampFilter::Rejection& rejection : decision.rejected) reject(topic, rejection);
+  if (decision.jump_s) {
+    ROS_WARN_THROTTLE(kWarnPeriodS, "stamps on %s have jumped by %.3f s",
+                      arrivals_[topic].name.c_str(), *decision.jump_s);
+    if (waiting_[topic]) makeSynchronizer();
+  }
+  for (const StampFilter::Deliver& deliver : decision.passed) {
+    waiting_[topic] = true;
+    deliver();
+  }
+}
+
+void StereoInput::reject(StereoTopic topic, const StampFilter::Rejection& rejection) {
+  const std::string text = arrivals_[topic].name + ": " + rejection.text();
+  ROS_WARN_THROTTLE(kWarnPeriodS, "message rejected: %s", text.c_str());
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++rejected_since_set_;
+    last_rejection_ = text;
+  }
+  if (rejected_) rejected_(text);
+}
+
+void StereoInput::noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s) {
   const std::lock_guard<std::mutex> lock(mutex_);
   Arrivals& arrivals = arrivals_[topic];
   ++arrivals.count;
   ++arrivals.since_set;
-  unstamped_ = unstamped_ || stamp.isZero();
-  const bool jumped_back =
-      !arrivals.stamps.empty() && arrivals.stamps.back().toSec() - stamp.toSec() > kMaxLateness_s;
-  if (jumped_back) {
-    for (Arrivals& other : arrivals_) other.stamps.clear();
-  }
   remember(stamp, &arrivals.stamps);
   remember(arrival_s, &arrivals.times_s);
-  return jumped_back;
 }
 
 void StereoInput::completed(const sensor_msgs::ImageConstPtr& left,
@@ -147,6 +168,7 @@ void StereoInput::completed(const sensor_msgs::ImageConstPtr& left,
     const std::lock_guard<std::mutex> lock(mutex_);
     ++num_sets_;
     for (Arrivals& topic : arrivals_) topic.since_set = 0;
+    rejected_since_set_ = 0;
     remember(std::max(arrivals_[kLeftImage].times_s.back(), arrivals_[kRightImage].times_s.back()),
              &set_times_s_);
     latest_set_ = set;
@@ -161,13 +183,14 @@ InputFacts StereoInput::facts(double now_s) const {
     facts.topics[i].name = arrivals_[i].name;
     facts.topics[i].messages = arrivals_[i].count;
     facts.topics[i].rate_hz = rateOf(arrivals_[i].times_s);
-    if (arrivals_[i].count > 0) facts.topics[i].silent_s = now_s - arrivals_[i].times_s.back();
+    if (arrivals_[i].count == 0) continue;
+    facts.topics[i].silent_s = now_s - arrivals_[i].times_s.back();
+    facts.unstamped = facts.unstamped || arrivals_[i].stamps.back().isZero();
   }
   facts.sets = num_sets_;
   const std::uint64_t lefts = arrivals_[kLeftImage].count;
   facts.unpaired = lefts > num_sets_ ? lefts - num_sets_ : 0;
   facts.set_rate_hz = rateOf(set_times_s_);
-  facts.unstamped = unstamped_;
   facts.image_skew_s = skew(kLeftImage, kRightImage);
   const auto left = skew(kLeftImage, kLeftInfo);
   const auto right = skew(kRightImage, kRightInfo);
@@ -236,6 +259,9 @@ std::string StereoInput::explainSilence() const {
                            : ": check that it is published and that the names are remapped to it");
   } else if (all_stopped) {
     text << "the camera has stopped publishing, or the bag is paused or has ended";
+  } else if (rejected_since_set_ >= kFewMessages) {
+    text << rejected_since_set_ << " messages were rejected for their stamps, the last on "
+         << last_rejection_ << ": let the driver stamp them with the time of exposure";
   } else if (parameters_.approximate_sync) {
     text << "stamps of left and right differ by " << skew_s
          << " s: raise approximate_sync_max_interval_s above the difference of a pair, and check "

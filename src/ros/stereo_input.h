@@ -18,6 +18,7 @@
 
 #include "ros/frame_processor.h"
 #include "ros/node_parameters.h"
+#include "ros/stamp_filter.h"
 
 namespace point_line_odometry {
 
@@ -47,7 +48,7 @@ struct InputFacts {
   std::uint64_t sets = 0;  ///< complete ones
   double set_rate_hz = 0.0;
   std::uint64_t unpaired = 0;          ///< left images that did not become part of a set
-  bool unstamped = false;              ///< an image or camera_info had stamp 0
+  bool unstamped = false;              ///< the latest image or camera_info of a topic has stamp 0
   std::optional<double> image_skew_s;  ///< median distance of a left stamp to the nearest right one
   std::optional<double> info_skew_s;   ///< the same from images to camera_infos, the larger of both
   StereoMessages latest;               ///< of each topic; null where nothing came
@@ -55,16 +56,22 @@ struct InputFacts {
 };
 
 /// Puts together what belongs together of the four topics: equal stamps, or near ones with
-/// `approximate_sync`. Remembers what came, so that it can be said why nothing comes together.
-/// Messages are added by one thread at a time; everything else may be asked by any. ROS' time must
-/// be initialised (ros::Time::init() where there is no node).
+/// `approximate_sync`. Messages whose stamps StampFilter rejects take no part. Remembers what came,
+/// so that it can be said why nothing comes together. Messages are added by one thread at a time;
+/// everything else may be asked by any. ROS' time must be initialised (ros::Time::init() where
+/// there is no node).
 class StereoInput {
  public:
   using Callback = std::function<void(const StereoMessages&)>;
   using TopicNames = std::array<std::string, kNumStereoTopics>;
 
-  /// \param callback called by add() with each complete set.
-  StereoInput(const NodeParameters& parameters, const TopicNames& names, Callback callback);
+  /// Called with the name of the topic and what is wrong with the stamp.
+  using RejectionCallback = std::function<void(const std::string&)>;
+
+  /// \param callback called with each complete set by the methods that add messages.
+  /// \param rejected called by them for each message that is rejected for its stamp.
+  StereoInput(const NodeParameters& parameters, const TopicNames& names, Callback callback,
+              RejectionCallback rejected = nullptr);
 
   StereoInput(const StereoInput&) = delete;
   StereoInput& operator=(const StereoInput&) = delete;
@@ -85,7 +92,7 @@ class StereoInput {
     std::string name;
     std::uint64_t count = 0;
     std::uint64_t since_set = 0;   // of count, after the last complete set
-    std::deque<ros::Time> stamps;  // the latest, none from before a jump of the clock
+    std::deque<ros::Time> stamps;  // the latest, whatever they are
     std::deque<double> times_s;
   };
 
@@ -99,7 +106,9 @@ class StereoInput {
   void add(const boost::shared_ptr<const Message>& message, double arrival_s);
   template <int topic, typename Message>
   void synchronise(const boost::shared_ptr<const Message>& message);
-  bool noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s);
+  void follow(StereoTopic topic, const StampFilter::Decision& decision);
+  void reject(StereoTopic topic, const StampFilter::Rejection& rejection);
+  void noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s);
   bool hasStopped(const Arrivals& topic) const;
   std::string silentTopics() const;
   std::uint64_t mostSinceSet() const;
@@ -110,6 +119,7 @@ class StereoInput {
 
   const NodeParameters parameters_;
   const Callback callback_;
+  const RejectionCallback rejected_;
 
   mutable std::mutex mutex_;  // guards what the facts are made of
   std::array<Arrivals, kNumStereoTopics> arrivals_;
@@ -117,8 +127,11 @@ class StereoInput {
   StereoMessages latest_set_;
   std::uint64_t num_sets_ = 0;
   std::deque<double> set_times_s_;
-  bool unstamped_ = false;
+  std::uint64_t rejected_since_set_ = 0;
+  std::string last_rejection_;
 
+  std::array<StampFilter, kNumStereoTopics> filters_;
+  std::array<bool, kNumStereoTopics> waiting_{};  // messages of these may wait in the synchroniser
   std::unique_ptr<message_filters::Synchronizer<ExactPolicy>> exact_;
   std::unique_ptr<message_filters::Synchronizer<NearPolicy>> near_;
 };

@@ -57,7 +57,8 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
         requested_parameters_ = core;
       });
   subscriber_ = std::make_unique<StereoSubscriber>(
-      nh, private_nh, parameters_, [this](const StereoMessages& m) { takeMessages(m); });
+      nh, private_nh, parameters_, [this](const StereoMessages& m) { takeMessages(m); },
+      [this](const std::string& text) { diagnostics_->noteRejectedStamp(text); });
   doctor_ =
       std::make_unique<Doctor>(nh, parameters_, getName(),
                                Doctor::Patient{subscriber_.get(), &tf_buffer_, diagnostics_.get()});
@@ -158,7 +159,8 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   const auto begin = StageTimer::Clock::now();
   applyRequests();
-  const ProcessedFrame frame = processor_->process(messages, mounting_->second);
+  const Eigen::Isometry3d T_base_header = mounting_.take(messages.left->header.frame_id);
+  const ProcessedFrame frame = processor_->process(messages, T_base_header);
   if (frame.result.accepted()) recorder_->add(messages, frame);
   if (processor_->startedAnew()) {
     NODELET_WARN("stamps jumped back: the odometry starts again at initial_pose");
@@ -196,18 +198,12 @@ void StereoOdometryNodelet::applyRequests() {
 
 /// Looks up where the camera sits on the robot, without waiting. Never assumes it.
 bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
-  const std::string camera = withoutLeadingSlash(messages.left->header.frame_id);
-  if (mounting_ && mounting_->first == camera) return true;
+  const std::string& frame_id = messages.left->header.frame_id;
   try {
-    const bool same = camera == parameters_.base_frame_id;
-    mounting_.emplace(
-        camera,
-        same
-            ? Eigen::Isometry3d::Identity()
-            : toIsometry(tf_buffer_.lookupTransform(parameters_.base_frame_id, camera, ros::Time(0))
-                             .transform));
+    mounting_.prepare(frame_id);
     return true;
   } catch (const std::exception& error) {
+    const std::string camera = withoutLeadingSlash(frame_id);
     const std::string text =
         "no transform from " + parameters_.base_frame_id + " to " +
         (camera.empty() ? "the camera, the left image's frame_id is empty" : camera) +
@@ -216,6 +212,12 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
     NODELET_WARN_THROTTLE(kWarnPeriodS, "frames wait: %s (%s)", text.c_str(), error.what());
     return false;
   }
+}
+
+Eigen::Isometry3d StereoOdometryNodelet::lookUpMounting(const std::string& camera) const {
+  if (camera == parameters_.base_frame_id) return Eigen::Isometry3d::Identity();
+  return toIsometry(
+      tf_buffer_.lookupTransform(parameters_.base_frame_id, camera, ros::Time(0)).transform);
 }
 
 }  // namespace point_line_odometry

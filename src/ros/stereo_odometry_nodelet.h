@@ -15,10 +15,10 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "odometry/compute_governor.h"
+#include "ros/camera_mounting.h"
 #include "ros/diagnostics.h"
 #include "ros/doctor.h"
 #include "ros/flight_recorder.h"
@@ -61,6 +61,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void processAndPublish(const StereoMessages& messages);
   void applyRequests();
   bool knowsMounting(const StereoMessages& messages);
+  Eigen::Isometry3d lookUpMounting(const std::string& camera) const;
 
   NodeParameters parameters_;
   std::atomic<bool> paused_{false};
@@ -68,11 +69,9 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::optional<Eigen::Isometry3d> requested_T_odom_base_;
   std::optional<Parameters> requested_parameters_;
 
-  /// Place of the camera on the robot: the frame it was looked up for, and the transform. Used by
-  /// the worker only.
-  std::optional<std::pair<std::string, Eigen::Isometry3d>> mounting_;
-
-  ComputeGovernor governor_{0.0};  // used by the worker only, once it runs
+  // Used by the worker only, once it runs.
+  CameraMounting mounting_{[this](const std::string& camera) { return lookUpMounting(camera); }};
+  ComputeGovernor governor_{0.0};
 
   tf2_ros::Buffer tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;

@@ -21,14 +21,17 @@ StereoInput::TopicNames resolvedNames(const ros::NodeHandle& nh, bool rectify) {
 }  // namespace
 
 StereoSubscriber::StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                                   const NodeParameters& parameters, StereoInput::Callback callback)
+                                   const NodeParameters& parameters, StereoInput::Callback callback,
+                                   StereoInput::RejectionCallback rejected)
     : parameters_(parameters),
       last_set_s_(wallSeconds()),
-      input_(parameters, resolvedNames(nh, parameters.rectify),
-             [this, callback = std::move(callback)](const StereoMessages& set) {
-               last_set_s_ = wallSeconds();
-               callback(set);
-             }) {
+      input_(
+          parameters, resolvedNames(nh, parameters.rectify),
+          [this, callback = std::move(callback)](const StereoMessages& set) {
+            last_set_s_ = wallSeconds();
+            callback(set);
+          },
+          std::move(rejected)) {
   subscribe(nh, private_nh);
 }
 

@@ -24,8 +24,10 @@ class StereoSubscriber {
   /// \param private_nh where the image transports look up their own parameters.
   /// \param callback called from the callback queue of `nh`, never from two threads at once if that
   /// is a serial queue.
+  /// \param rejected the same, see StereoInput.
   StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                   const NodeParameters& parameters, StereoInput::Callback callback);
+                   const NodeParameters& parameters, StereoInput::Callback callback,
+                   StereoInput::RejectionCallback rejected = nullptr);
 
   StereoSubscriber(const StereoSubscriber&) = delete;
   StereoSubscriber& operator=(const StereoSubscriber&) = delete;

@@ -98,7 +98,7 @@ void printHelp(const po::options_description& options) {
                "Renders what a stereo camera sees in a synthetic world, with the exact ground "
                "truth:\n"
                "  OUT.bag   as dataset_to_bag writes it\n"
-               "  OUT       a folder in KITTI's layout (street) or EuRoC's (indoor, corridor)\n"
+               "  OUT       a folder in KITTI's layout (street) or EuRoC's (the others)\n"
                "The same options give the same bytes. To run the odometry on it without writing\n"
                "images: offline_odometry synthetic:street,seed=7,frames=400 -o DIR\n\n"
             << options;

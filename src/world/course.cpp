@@ -29,7 +29,7 @@ std::vector<Vector3d> roundOff(const std::vector<Vector3d>& corners, double radi
     constexpr int kParts = 64;
     for (int k = 0; k <= kParts; ++k) {  // a quadratic Bezier curve, near to an arc
       const double s = static_cast<double>(k) / kParts;
-      fine.push_back((1.0 - s) * (1.0 - s) * begin + 2.0 * s * (1.0 - s) * corner + s * s * end);
+      fine.emplace_back((1.0 - s) * (1.0 - s) * begin + 2.0 * s * (1.0 - s) * corner + s * s * end);
     }
   }
   double length = 0.0;
@@ -47,7 +47,7 @@ std::vector<Vector3d> roundOff(const std::vector<Vector3d>& corners, double radi
       const double wanted =
           length * static_cast<double>(points.size()) / static_cast<double>(count);
       if (wanted > passed + step || step <= 0.0) break;
-      points.push_back(from + (to - from) * ((wanted - passed) / step));
+      points.emplace_back(from + (to - from) * ((wanted - passed) / step));
     }
     passed += step;
   }
@@ -119,8 +119,9 @@ void Course::planSpeed() {
     const Place place = evaluate(static_cast<double>(i % steps) / kStepsPerControl);
     const double curvature =
         place.velocity.cross(place.acceleration).norm() / std::pow(place.velocity.norm(), 3);
-    knots_[i].speed_m_s =
-        std::min(style_.cruise_m_s, std::sqrt(style_.lateral_m_s2 / std::max(curvature, 1e-9)));
+    const double bend = std::max(curvature, 1e-9);
+    knots_[i].speed_m_s = std::min(
+        {style_.cruise_m_s, std::sqrt(style_.lateral_m_s2 / bend), style_.turn_rad_s / bend});
   }
   const auto limit = [this](const Knot& from, Knot* to, double distance) {
     const double most = from.speed_m_s * from.speed_m_s + 2.0 * style_.longitudinal_m_s2 * distance;
@@ -171,6 +172,10 @@ Eigen::Isometry3d Course::at(double arc_m) const {
   pose.linear().col(0) = ahead;
   pose.linear().col(1) = Vector3d(-ahead.y(), ahead.x(), 0.0);
   pose.linear().col(2) = Vector3d::UnitZ();
+  if (style_.follows_slope) {
+    pose.linear().col(0) = place.velocity.normalized();
+    pose.linear().col(2) = pose.linear().col(0).cross(pose.linear().col(1));
+  }
   pose.translation() = place.position;
   return pose;
 }

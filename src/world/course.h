@@ -12,9 +12,11 @@ struct MotionStyle {
   double cruise_m_s = 1.0;         ///< speed where the course is straight
   double lateral_m_s2 = 2.0;       ///< acceleration towards the inside that curves are driven with
   double longitudinal_m_s2 = 1.0;  ///< acceleration along the course
+  double turn_rad_s = 1e9;         ///< rate at which curves are turned, at most
   Eigen::Vector3d sway_m = Eigen::Vector3d::Zero();    ///< forward, left, up
   Eigen::Vector3d sway_rad = Eigen::Vector3d::Zero();  ///< roll, pitch, yaw
-  double sway_hz = 0.5;  ///< slowest of the frequencies that are mixed
+  double sway_hz = 0.5;        ///< slowest of the frequencies that are mixed
+  bool follows_slope = false;  ///< pitches with the course, as a car does; else it stays level
 };
 
 /// A closed smooth curve that is travelled round and round: position, heading and speed are
@@ -32,7 +34,8 @@ class Course {
   /// Arc length [m] after a time when everything goes `speed` times as fast as the style says.
   double travelled_m(double time_s, double speed) const;
 
-  /// Level pose at an arc length: x along the course, y to the left, z up.
+  /// Pose at an arc length: x along the course, y level to the left; z up, or square to the slope
+  /// if the style follows it.
   Eigen::Isometry3d at(double arc_m) const;
 
   /// Pose of a camera (x right, y down, z forward) at a time; `sway` scales the style's.

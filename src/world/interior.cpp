@@ -115,6 +115,16 @@ void InteriorBuilder::addDoor(const WallSide& side, double middle, const Interio
             makeMaterial(Pattern::kPlain, 0.3, 0.1, &random_));
 }
 
+void InteriorBuilder::addBeam(const Vector2d& from, const Vector2d& to, double width,
+                              const Material& material) {
+  constexpr double kDepth_m = 0.22;
+  const Vector2d middle = 0.5 * (from + to);
+  const Vector2d along = to - from;
+  const Vector3d place(middle.x(), middle.y(), kCeiling_m - kDepth_m);
+  addBox({uprightPose(place, std::atan2(along.y(), along.x())), {along.norm(), width, kDepth_m}},
+         material, material);
+}
+
 void InteriorBuilder::addLamp(const Vector2d& middle, const Vector2d& size) {
   ObjectBuilder builder;
   Material shine = makeMaterial(Pattern::kPlain, 0.97, 0.0, &random_);

@@ -56,6 +56,10 @@ class InteriorBuilder {
   /// A closed door with its frame.
   void addDoor(const WallSide& side, double middle, const Interior& interior);
 
+  /// A beam under the ceiling, `width` wide, along the line between two points.
+  void addBeam(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double width,
+               const Material& material);
+
   /// A lamp under the ceiling.
   void addLamp(const Eigen::Vector2d& middle, const Eigen::Vector2d& size);
 
@@ -77,13 +81,13 @@ Lighting roomLighting();
 /// gives the corners of the course. Different numbers of `kind` make different use of the same
 /// seed.
 template <typename Building>
-Scene makeFlight(std::uint32_t seed, std::uint32_t kind) {
+Scene makeFlight(std::uint32_t seed, std::uint32_t kind, const MotionStyle& style = flightStyle()) {
   constexpr double kTurn_m = 1.2;
   Scene scene;
   scene.seed = hash(seed, 10 * kind + 2);
   scene.lighting = roomLighting();
   const Building building(hash(seed, 10 * kind + 1), &scene);
-  scene.course = Course(building.flight(), kTurn_m, flightStyle(), hash(seed, 10 * kind + 3));
+  scene.course = Course(building.flight(), kTurn_m, style, hash(seed, 10 * kind + 3));
   return scene;
 }
 

@@ -228,6 +228,34 @@ float leaves(const Material& m, const Patch& p) {
   return m.albedo * std::max(0.12F, 1.0F + m.contrast * tone);
 }
 
+/// Soft round spots, one in every cell of a grid and a third to all of it wide, of a tone in
+/// [-1, 1] in the middle.
+float roundSpots(const Patch& p, float cells_per_m, std::uint32_t seed) {
+  const float seen =
+      visibility(1.0F, p.size_u * cells_per_m) * visibility(1.0F, p.size_v * cells_per_m);
+  if (seen <= 0.0F) return 0.0F;
+  const float u = p.u * cells_per_m;
+  const float v = p.v * cells_per_m;
+  const int iu = floorToInt(u);
+  const int iv = floorToInt(v);
+  const std::uint32_t h = cellHash(seed, iu, iv);
+  const float radius = 0.16F + 0.34F * unit(h, 0);
+  const float room = 1.0F - 2.0F * radius;
+  const float du = u - static_cast<float>(iu) - radius - room * unit(h, 1);
+  const float dv = v - static_cast<float>(iv) - radius - room * unit(h, 2);
+  const float outside = du * du + dv * dv - radius * radius;
+  if (outside >= 0.0F) return 0.0F;
+  const float inside = outside / (radius * radius);
+  return seen * inside * inside * (2.0F * unit(h, 3) - 1.0F);
+}
+
+float spots(const Material& m, const Patch& p) {
+  // Spots of 6 to 20 cm and of 3 to 9 cm.
+  const float tone =
+      roundSpots(p, 5.0F, m.seed) + roundSpots(p, 10.8F, m.seed + 1) + noise(p, 2.7F, m.seed + 2);
+  return m.albedo * (1.0F + m.contrast * tone);
+}
+
 float wall(const Material& m, const Patch& p) {
   switch (m.pattern) {
     case Pattern::kPlain:
@@ -246,6 +274,8 @@ float wall(const Material& m, const Patch& p) {
       return shelf(m, p);
     case Pattern::kLeaves:
       return leaves(m, p);
+    case Pattern::kSpots:
+      return spots(m, p);
   }
   return m.albedo;
 }
@@ -318,14 +348,21 @@ float reflectance(const Material& material, const Patch& patch) {
   return material.windows.pitch_u > 0.0F ? wallWithWindows(material, patch) : wall(material, patch);
 }
 
-float skyRadiance(std::uint32_t seed, float x, float y, float z) {
+float skyRadiance(std::uint32_t seed, float clouds, float x, float y, float z) {
   const float level = std::sqrt(x * x + y * y) + 1e-6F;
   const float height = clampUnit(z / level);
   const float east = 2.0F * x / level;
   const float north = 2.0F * y / level;
   const Patch p{east + 0.7F * height, north - 0.4F * height, 0.0F, 0.0F, 0.0F, 0.0F};
-  const float clouds = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
-  return 0.86F - 0.12F * height + 2.0F * clouds * height;
+  const float mist = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
+  const float misty = 0.86F - 0.12F * height + 2.0F * mist * height;
+  if (clouds <= 0.0F) return misty;
+  const float distance = 1.0F / (height + 0.2F);  // to a layer of clouds
+  const Patch layer{distance * x / level, distance * y / level, 0.0F, 0.0F, 0.0F, 0.0F};
+  const float density = noise(layer, 1.2F, seed + 2) + 0.5F * noise(layer, 0.45F, seed + 3) +
+                        0.3F * noise(layer, 0.17F, seed + 4) + 0.2F * noise(layer, 0.07F, seed + 5);
+  const float cloud = clampUnit(0.45F + 1.1F * density);
+  return misty - 0.3F * clouds * (1.0F - cloud) * clampUnit(6.0F * height);
 }
 
 }  // namespace point_line_odometry::world

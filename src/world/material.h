@@ -18,6 +18,7 @@ enum class Pattern : std::uint8_t {
   kPicture,  ///< shapes and lettering of strong contrast: posters, signs, screens
   kShelf,    ///< boards with books of many widths, heights and tones
   kLeaves,   ///< foliage
+  kSpots,    ///< soft round spots of 3 to 20 cm: plaster, concrete, carpet
 };
 
 /// Rows of recessed windows in a wall [m].
@@ -62,6 +63,7 @@ struct Patch {
 float reflectance(const Material& material, const Patch& patch);
 
 /// Brightness of the sky in a direction (z up) of any length.
-float skyRadiance(std::uint32_t seed, float x, float y, float z);
+/// \param clouds contrast of clouds on a darker sky, 0 ... 1; 0: bright mist.
+float skyRadiance(std::uint32_t seed, float clouds, float x, float y, float z);
 
 }  // namespace point_line_odometry::world

@@ -13,6 +13,7 @@ namespace {
 struct SkyView {
   Eigen::Matrix3f R_world_camera;
   std::uint32_t seed = 0;
+  float clouds = 0.0F;
 };
 
 /// Draws one view; blocks of pixels may be drawn at the same time.
@@ -20,7 +21,8 @@ class Painter {
  public:
   Painter(const Scene& scene, const std::vector<Instance>& movers, const View& view, cv::Mat* image)
       : rays_(*view.rays),
-        sky_{view.T_world_camera.linear().cast<float>(), scene.seed},
+        sky_{view.T_world_camera.linear().cast<float>(), scene.seed,
+             static_cast<float>(scene.clouds)},
         haze_per_m_(static_cast<float>(1.0 / scene.haze_m)),
         visible_(
             findVisibleSurfaces(scene, movers, view.T_world_camera, rays_.bounds(rays_.all()))),
@@ -131,7 +133,7 @@ class Painter {
 
   float sky(const cv::Point2f& p) const {
     const Eigen::Vector3f ray = sky_.R_world_camera * Eigen::Vector3f(p.x, p.y, 1.0F);
-    return skyRadiance(sky_.seed, ray.x(), ray.y(), ray.z());
+    return skyRadiance(sky_.seed, sky_.clouds, ray.x(), ray.y(), ray.z());
   }
 
   void paintSurface(const PixelBlock& block, const SeenSurface& surface) const {

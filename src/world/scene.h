@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "world/course.h"
+#include "world/hill.h"
 #include "world/surface.h"
 
 namespace point_line_odometry::world {
@@ -16,6 +17,13 @@ struct Lighting {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< unit vector towards the sun
   double ambient = 0.6;
   double direct = 0.4;
+};
+
+/// How a camera takes the pictures where nothing else is asked for.
+struct Exposure {
+  double shutter_ms = 0.0;
+  int instants = 16;   ///< at which the shutter's time is sampled, at most
+  double noise = 1.5;  ///< standard deviation at middle grey [grey levels]
 };
 
 /// An object at a place; many instances may share an object.
@@ -49,20 +57,31 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Mover> movers;
   Lighting lighting;
+  Exposure exposure;
   double haze_m = 1e9;  ///< distance at which half of the contrast is left
+  double clouds = 0.0;  ///< contrast of clouds in the sky; 0: no more than mist
+  Hill hill;
   std::uint32_t seed = 0;
   Course course;
 };
 
+struct StreetOptions {
+  int moving_objects = 0;
+  double open_country = 0.0;  ///< share of the blocks that are meadows
+  double hill = 0.0;          ///< height of a hill before the town, in times the usual one
+};
+
 /// A drive through a town: house fronts, kerbs, markings, poles, trees, parked and moving cars.
-/// \param open_country share of the blocks that are meadows instead.
-Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country);
+Scene makeStreet(std::uint32_t seed, const StreetOptions& options);
 
 /// A flight through furnished rooms and a hallway.
 Scene makeIndoor(std::uint32_t seed);
 
 /// A flight along the plain walls of a corridor: few corners, many edges.
 Scene makeCorridor(std::uint32_t seed);
+
+/// A fast flight through dark rooms of plaster: soft spots that the noise hides, few edges.
+Scene makePlaster(std::uint32_t seed);
 
 /// Where the objects that move are at a time.
 std::vector<Instance> placeMovers(const Scene& scene, double time_s);

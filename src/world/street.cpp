@@ -4,6 +4,7 @@
 
 #include "world/random.h"
 #include "world/scene.h"
+#include "world/street_course.h"
 #include "world/street_objects.h"
 
 namespace point_line_odometry::world {
@@ -23,6 +24,12 @@ constexpr double kSlab = kBlockPitch - kRoadWidth;      // a block with its pave
 constexpr double kLots = kSlab - 2.0 * kPavementWidth;  // where houses stand
 constexpr double kLotDepth = 10.0;
 constexpr int kMargin = 2;  // blocks round the course
+
+// With a hill: where the road over it begins and where the town does, in blocks.
+constexpr int kOutside = 4;
+constexpr int kTownBegins = 2;
+constexpr double kHillHeight = 7.0;  // slopes of up to 15 %
+constexpr double kBeforeHill = 48.0;
 
 // How far away details are still drawn.
 constexpr double kDrawDetails = 130.0;
@@ -363,62 +370,59 @@ bool isOpenCountry(std::uint32_t seed, int i, int j, double share) {
   return Random(hash(seed, 4, index)).chance(share);
 }
 
-/// Crossings of a closed drive round some blocks, with turns to both sides.
-std::vector<Vector2d> chooseCrossings(Random* random) {
-  const double a = random->integer(2, 3);
-  const double b = a + random->integer(2, 3);
-  const double c = random->integer(1, 2);
-  const double h = random->integer(3, 4);
-  std::vector<Vector2d> crossings = {{0, 0}, {a, 0}, {a, 1},     {b, 1},
-                                     {b, h}, {c, h}, {c, h - 1}, {0, h - 1}};
-  if (random->chance(0.5)) std::reverse(crossings.begin() + 1, crossings.end());
-  return crossings;
+/// Whether a block is one of those that the hill takes the place of.
+bool isBesideHill(int i, int j) { return i >= -kOutside && i < 0 && (j == -1 || j == 0); }
+
+/// The blocks between two corners, with the open country round a hill.
+void addBlocks(const Vector2d& low, const Vector2d& high, std::uint32_t seed,
+               const StreetOptions& options, Town* town) {
+  const bool hilly = options.hill > 0.0;
+  for (int i = static_cast<int>(low.x()); i < static_cast<int>(high.x()); ++i) {
+    for (int j = static_cast<int>(low.y()); j < static_cast<int>(high.y()); ++j) {
+      if (hilly && isBesideHill(i, j)) continue;
+      if ((hilly && i < kTownBegins) || isOpenCountry(seed, i, j, options.open_country)) {
+        town->addMeadow(i, j);
+      } else {
+        town->addBlock(i, j);
+      }
+    }
+  }
 }
 
-/// The polygon moved to the right of its direction, into the driver's lane.
-std::vector<Vector3d> toTheRight(const std::vector<Vector2d>& corners, double offset,
-                                 double height) {
-  std::vector<Vector3d> moved;
-  const std::size_t n = corners.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    const Vector2d in = (corners[i] - corners[(i + n - 1) % n]).normalized();
-    const Vector2d out = (corners[(i + 1) % n] - corners[i]).normalized();
-    const Vector2d right_in(in.y(), -in.x());
-    const Vector2d right_out(out.y(), -out.x());
-    const Vector2d corner = corners[i] + offset * (right_in + right_out);
-    moved.emplace_back(corner.x(), corner.y(), height);
+void addMovingCars(int count, Town* town, Scene* scene) {
+  for (int i = 0; i < count; ++i) {
+    Mover mover;
+    mover.object = town->anyCar();
+    const bool oncoming = i % 3 != 2;
+    mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
+    mover.speed_m_s = oncoming ? -town->random().uniform(6.0, 11.0) : 7.0;
+    mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
+    scene->movers.push_back(mover);
   }
-  return moved;
 }
 
 }  // namespace
 
-Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country) {
+Scene makeStreet(std::uint32_t seed, const StreetOptions& options) {
   constexpr double kCameraHeight = 1.65;
+  const bool hilly = options.hill > 0.0;
   Scene scene;
   scene.seed = hash(seed, 2);
   scene.haze_m = 500.0;
   scene.lighting = {Vector3d(0.45, -0.55, 0.7).normalized(), 0.62, 0.55};
   Town town(seed, &scene);
 
-  std::vector<Vector2d> crossings = chooseCrossings(&town.random());
+  std::vector<Vector2d> crossings = hilly ? chooseCrossingsFromOutside(kOutside, &town.random())
+                                          : chooseCrossings(&town.random());
   Vector2d high = Vector2d::Zero();
   for (const Vector2d& crossing : crossings) high = high.cwiseMax(crossing);
-  const int columns = static_cast<int>(high.x());
-  const int rows = static_cast<int>(high.y());
-  for (int i = -kMargin; i < columns + kMargin; ++i) {
-    for (int j = -kMargin; j < rows + kMargin; ++j) {
-      if (isOpenCountry(seed, i, j, open_country)) {
-        town.addMeadow(i, j);
-      } else {
-        town.addBlock(i, j);
-      }
-    }
-  }
-  town.addGround(Vector2d::Constant(-kMargin * kBlockPitch),
-                 (high + Vector2d::Constant(kMargin)) * kBlockPitch);
+  const Vector2d low(hilly ? -kOutside : 0, 0.0);
+  const Vector2d margin = Vector2d::Constant(kMargin);
+  addBlocks(low - margin, high + margin, seed, options, &town);
+  town.addGround((low - margin) * kBlockPitch, (high + margin) * kBlockPitch);
 
   for (Vector2d& crossing : crossings) crossing *= kBlockPitch;
+  std::vector<Vector3d> corners = toTheRight(crossings, kLaneOffset, kCameraHeight);
   MotionStyle style;
   style.cruise_m_s = 12.0;
   style.lateral_m_s2 = 3.0;
@@ -426,18 +430,18 @@ Scene makeStreet(std::uint32_t seed, int moving_objects, double open_country) {
   style.sway_m = {0.0, 0.02, 0.02};
   style.sway_rad = Vector3d(0.35, 0.35, 0.3) * kPi / 180.0;
   style.sway_hz = 0.7;
-  constexpr double kTurn_m = 14.0;
-  scene.course =
-      Course(toTheRight(crossings, kLaneOffset, kCameraHeight), kTurn_m, style, hash(seed, 3));
-  for (int i = 0; i < moving_objects; ++i) {
-    Mover mover;
-    mover.object = town.anyCar();
-    const bool oncoming = i % 3 != 2;
-    mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
-    mover.speed_m_s = oncoming ? -town.random().uniform(6.0, 11.0) : 7.0;
-    mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
-    scene.movers.push_back(mover);
+  if (hilly) {
+    const Vector2d range_x(-kOutside * kBlockPitch + 0.5 * kRoadWidth, -0.5 * kRoadWidth);
+    scene.hill.height_m = options.hill * kHillHeight;
+    scene.hill.middle_x = crossings[0].x() + kBeforeHill + scene.hill.half_length_m;
+    addHill(scene.hill, range_x, kRoadWidth, &town.random(), &scene);
+    corners = overTheHill(corners, scene.hill);
+    style.follows_slope = true;
+    scene.clouds = 1.0;
   }
+  constexpr double kTurn_m = 14.0;
+  scene.course = Course(corners, kTurn_m, style, hash(seed, 3));
+  addMovingCars(options.moving_objects, &town, &scene);
   return scene;
 }
 
@@ -446,7 +450,7 @@ std::vector<Instance> placeMovers(const Scene& scene, double time_s) {
   for (const Mover& mover : scene.movers) {
     Eigen::Isometry3d pose = scene.course.at(mover.start_m + mover.speed_m_s * time_s);
     pose.translation() += mover.to_the_left_m * pose.linear().col(1);
-    pose.translation().z() = 0.0;
+    pose.translation().z() = scene.hill.heightAt(pose.translation().x());
     if (mover.speed_m_s < 0.0) {
       pose.linear() = pose.linear() * Eigen::AngleAxisd(kPi, Vector3d::UnitZ());
     }

@@ -9,12 +9,14 @@ namespace point_line_odometry::world {
 
 using Eigen::Vector3d;
 
-void ObjectBuilder::addPolygon(const std::vector<Vector3d>& corners, const Material& material) {
+void ObjectBuilder::addPolygon(const std::vector<Vector3d>& corners, const Material& material,
+                               const Eigen::Vector2d& texture) {
   Surface surface;
   surface.origin = corners.front();
   surface.axis_u = (corners[1] - corners[0]).normalized();
   const Vector3d normal = surface.axis_u.cross(corners.back() - corners[0]).normalized();
   surface.axis_v = normal.cross(surface.axis_u);
+  surface.origin -= texture.x() * surface.axis_u + texture.y() * surface.axis_v;
   surface.num_corners = std::min(corners.size(), Surface::kMaxCorners);
   for (std::size_t i = 0; i < surface.num_corners; ++i) {
     const Vector3d offset = corners[i] - surface.origin;

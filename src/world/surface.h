@@ -43,7 +43,9 @@ class ObjectBuilder {
  public:
   /// A polygon in the order in which its corners are seen counter-clockwise; u runs along the
   /// first edge.
-  void addPolygon(const std::vector<Eigen::Vector3d>& corners, const Material& material);
+  /// \param texture (u, v) of the first corner [m]: neighbours may share a pattern.
+  void addPolygon(const std::vector<Eigen::Vector3d>& corners, const Material& material,
+                  const Eigen::Vector2d& texture = Eigen::Vector2d::Zero());
 
   /// A rectangle from a corner along two perpendicular edges.
   void addRectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u,

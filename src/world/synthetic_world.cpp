@@ -61,9 +61,10 @@ StereoCalibration eurocCalibration() {
 world::Scene makeScene(const SyntheticWorldOptions& options) {
   const std::uint32_t seed = world::hash(0x5eed, static_cast<std::uint32_t>(options.seed));
   if (options.scene == "street") {
-    return world::makeStreet(seed, options.moving_objects, options.open_country);
+    return world::makeStreet(seed, {options.moving_objects, options.open_country, options.hill});
   }
   if (options.scene == "indoor") return world::makeIndoor(seed);
+  if (options.scene == "plaster") return world::makePlaster(seed);
   return world::makeCorridor(seed);
 }
 
@@ -111,7 +112,10 @@ struct SyntheticWorld::Impl {
         frame_rate_hz(o.frame_rate_hz > 0.0 ? o.frame_rate_hz : (raw ? 20.0 : 10.0)),
         calibration(raw ? eurocCalibration() : kittiCalibration()),
         T_left_right(poseOfRightInLeft(calibration)),
-        scene(makeScene(o)) {
+        scene(makeScene(o)),
+        exposure(scene.exposure) {
+    if (o.motion_blur_ms >= 0.0) exposure.shutter_ms = o.motion_blur_ms;
+    if (o.noise >= 0.0) exposure.noise = o.noise;
     for (const CameraCalibration* camera : {&calibration.left, &calibration.right}) {
       rays.push_back(raw ? PixelRays::ofRawImage(*camera) : PixelRays::ofRectifiedImage(*camera));
     }
@@ -141,13 +145,13 @@ struct SyntheticWorld::Impl {
   /// of something at a usual distance moves.
   int blurSteps(double time_s, double shutter_s) const {
     constexpr double kDistance_m = 4.0;
-    constexpr double kMost = 16.0;
     const Eigen::Isometry3d motion =
         T_world_left(time_s - 0.5 * shutter_s).inverse() * T_world_left(time_s + 0.5 * shutter_s);
     const double angle = Eigen::AngleAxisd(motion.linear()).angle();
     const double shift_px =
         calibration.left.K(0, 0) * (angle + motion.translation().norm() / kDistance_m);
-    return static_cast<int>(std::clamp(std::ceil(shift_px), 1.0, kMost));
+    return static_cast<int>(
+        std::clamp(std::ceil(shift_px), 1.0, static_cast<double>(exposure.instants)));
   }
 
   SyntheticWorldOptions options;
@@ -156,6 +160,7 @@ struct SyntheticWorld::Impl {
   StereoCalibration calibration;
   Eigen::Isometry3d T_left_right;
   world::Scene scene;
+  world::Exposure exposure;
   std::vector<PixelRays> rays;
 };
 
@@ -202,7 +207,7 @@ std::size_t SyntheticWorld::framesForLength(double length_m) const {
 
 StereoImages SyntheticWorld::render(std::size_t frame) const {
   const double time_s = impl_->timeOf(frame);
-  const double shutter_s = 1e-3 * impl_->options.motion_blur_ms;
+  const double shutter_s = 1e-3 * impl_->exposure.shutter_ms;
   const int steps = shutter_s > 0.0 ? impl_->blurSteps(time_s, shutter_s) : 1;
   std::vector<cv::Mat> light;
   for (int i = 0; i < steps; ++i) {
@@ -215,7 +220,7 @@ StereoImages SyntheticWorld::render(std::size_t frame) const {
     }
   }
   const SyntheticWorldOptions& o = impl_->options;
-  const world::Sensor sensor{o.exposure_ev, o.lens_blur_px, o.vignetting, o.noise};
+  const world::Sensor sensor{o.exposure_ev, o.lens_blur_px, o.vignetting, impl_->exposure.noise};
   const auto develop = [&](std::size_t camera) {
     const std::uint32_t seed = world::hash(impl_->scene.seed, static_cast<std::uint32_t>(frame),
                                            static_cast<std::uint32_t>(camera));

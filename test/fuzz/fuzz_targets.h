@@ -19,6 +19,11 @@ void fuzzImage(const std::uint8_t* data, std::size_t size);
 /// and StereoRectifier.
 void fuzzCameraInfo(const std::uint8_t* data, std::size_t size);
 
+/// Parameters in a byte, and stereo frames whose messages are spoiled, as StereoInput,
+/// CameraMounting and FrameProcessor get them from the nodelet's callbacks: nothing is thrown, and
+/// nothing begins anew that three messages in a row have not confirmed.
+void fuzzStereoMessages(const std::uint8_t* data, std::size_t size);
+
 /// A text: readTum(), and what writeTum() makes of it is read back as it was.
 void fuzzTrajectory(const std::uint8_t* data, std::size_t size);
 
@@ -42,9 +47,10 @@ struct FuzzTarget {
   void (*run)(const std::uint8_t* data, std::size_t size);
 };
 
-constexpr std::array<FuzzTarget, 7> kFuzzTargets{{
+constexpr std::array<FuzzTarget, 8> kFuzzTargets{{
     {"image", fuzzImage},
     {"camera_info", fuzzCameraInfo},
+    {"stereo_messages", fuzzStereoMessages},
     {"trajectory", fuzzTrajectory},
     {"kitti", fuzzKitti},
     {"euroc", fuzzEuroc},
