@@ -400,9 +400,11 @@ StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave
 }
 
 /// The points of the map that a first frame makes, by their indices in it.
-std::vector<int> indicesOfNewPoints(const StereoFrame& frame,
-                                    const LandmarkCandidates& candidates) {
+/// \param share_of_new in the frame before it.
+std::vector<int> indicesOfNewPoints(const StereoFrame& frame, const LandmarkCandidates& candidates,
+                                    double share_of_new = 1.0) {
   LocalMap map(WindowParameters{}, LocalMapParameters{});
+  std::get<5>(map.state()) = share_of_new;
   const StereoImages images;
   const StereoCamera camera = synthetic::camera();
   const RightImageCorrection correction;
@@ -427,6 +429,18 @@ TEST(LocalMap, UnmatchedPointsFillWhatInliersLeaveFree) {
   const LandmarkCandidates many{{0, 1, 2, 3, 4, 5, 6, 7, 8}, {}, {9, 10, 20}};
   EXPECT_EQ(indicesOfNewPoints(frame, many), (std::vector<int>{8, 7, 6, 5, 4, 3, 2, 1, 20}));
   EXPECT_TRUE(indicesOfNewPoints(frame, {}).empty());
+}
+
+TEST(LocalMap, UnmatchedPointsCountAsFarAsTheViewIsNew) {
+  std::vector<Eigen::Vector2f> pixels;
+  for (int i = 0; i < 15; ++i) pixels.emplace_back(102 + 10 * (i % 5), 105 + 10 * (i / 5));
+  const StereoFrame frame = frameOfPoints(pixels);
+  const LandmarkCandidates unmatched{{}, {}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9}};
+  EXPECT_EQ(indicesOfNewPoints(frame, unmatched, 0.5), (std::vector<int>{9, 8, 7, 6}));
+  EXPECT_EQ(indicesOfNewPoints(frame, unmatched, 0.0), (std::vector<int>{9, 8}));
+  const LandmarkCandidates both{{10, 11, 12}, {}, {0, 1, 2, 3}};
+  EXPECT_EQ(indicesOfNewPoints(frame, both, 0.5), (std::vector<int>{12, 11, 10, 3}));
+  EXPECT_EQ(indicesOfNewPoints(frame, both, 0.0), (std::vector<int>{12, 11, 10}));
 }
 
 TEST(LocalMap, PatchesAreOfTheOctaveOfTheirPoint) {
