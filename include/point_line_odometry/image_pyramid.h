@@ -18,6 +18,11 @@ struct ImagePyramid {
   /// The image alone; it is shared, not copied.
   explicit ImagePyramid(const cv::Mat& image) : levels{image} {}
 
+  /// The image with its levels.
+  ImagePyramid(const cv::Mat& image, const PointParameters& parameters) : ImagePyramid(image) {
+    addLevels(parameters);
+  }
+
   /// Makes the other levels; those that are too small for a corner are left out.
   void addLevels(const PointParameters& parameters);
 

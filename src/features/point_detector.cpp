@@ -96,9 +96,7 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
 
 std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) {
   std::vector<PointFeature> features = detectFinest(image);
-  ImagePyramid pyramid(image);
-  pyramid.addLevels(parameters_);
-  const std::vector<PointFeature> coarser = detectCoarser(pyramid);
+  const std::vector<PointFeature> coarser = detectCoarser(ImagePyramid(image, parameters_));
   features.insert(features.end(), coarser.begin(), coarser.end());
   return features;
 }
