@@ -55,7 +55,9 @@ class CoarserPointsTest : public ::testing::Test {
     camera_.width = kWidth;
     camera_.height = kHeight;
     const RightImageCorrection correction;
-    const FrameContext context{images, camera_, correction, parameters_};
+    FrameContext context{images, camera_, correction, parameters_};
+    context.left.addLevels(parameters_.points);
+    context.right.addLevels(parameters_.points);
     StereoFeatureDetector detector(parameters_.points, parameters_.lines);
     ThreadPool threads(2);
     Frames frames;

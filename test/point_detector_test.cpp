@@ -252,14 +252,17 @@ TEST(PointDetector, CoarserLevelsShowSoftSpotsInTheDark) {
   cv::RNG(10).fill(grain, cv::RNG::NORMAL, 0.0, 4.0);
   image += grain;
   image.convertTo(image, CV_8UC1);
-  PointDetector detector({});
+  PointParameters parameters;
+  parameters.levels = 3;
+  parameters.scale_factor = 2.0;
+  PointDetector detector(parameters);
   const auto found = [&](const std::vector<PointFeature>& features) {
     return std::count_if(spots.begin(), spots.end(), [&](const Vector2f& spot) {
       const PointFeature* near = nearest(features, spot);
       return near != nullptr && (near->pixel - spot).norm() < 6.0F;
     });
   };
-  std::vector<PointFeature> coarsest = detector.detectCoarser(ImagePyramid(image, {}));
+  std::vector<PointFeature> coarsest = detector.detectCoarser(ImagePyramid(image, parameters));
   coarsest.erase(std::remove_if(coarsest.begin(), coarsest.end(),
                                 [](const PointFeature& f) { return f.octave < 2; }),
                  coarsest.end());
@@ -282,7 +285,7 @@ Distances distancesWhenTurned(double angle_deg) {
   const cv::Mat turn = cv::getRotationMatrix2D({199.5F, 199.5F}, angle_deg, 1.0);
   cv::Mat turned;
   cv::warpAffine(image, turned, turn, image.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT);
-  PointParameters parameters;
+  PointParameters parameters = oneLevel();
   parameters.max_per_cell = 200;
   const std::vector<PointFeature> before = PointDetector(parameters).detect(image);
   const std::vector<PointFeature> after = PointDetector(parameters).detect(turned);

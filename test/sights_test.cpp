@@ -133,7 +133,9 @@ TEST(AlignPoint, BelongsToItsOctave) {
   const RightImageCorrection correction;
   Parameters parameters;
   parameters.points = threeLevels();
-  const FrameContext context{images, camera, correction, parameters};
+  FrameContext context{images, camera, correction, parameters};
+  context.left.addLevels(parameters.points);
+  context.right.addLevels(parameters.points);
   const Vector2f pixel(181.0F, 213.0F);
   for (const int octave : {0, 1, 2}) {
     const StereoPatch patch(PatchAligner(context.left.levels[static_cast<std::size_t>(octave)],
