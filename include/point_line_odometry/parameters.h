@@ -110,8 +110,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "side of the cells over which points are spread");
   visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "",
         "most points kept in a cell; more cost time");
-  visit("points/levels", p.points.levels, 1, 8, "",
-        "pyramid levels in which corners are looked for, the coarser ones where the finer have few");
+  visit(
+      "points/levels", p.points.levels, 1, 8, "",
+      "pyramid levels in which corners are looked for, the coarser ones where the finer have few");
   visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "",
         "ratio of size between pyramid levels");
   visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",
@@ -209,9 +210,10 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
         "estimate and correct a small smooth displacement of the right image against its "
         "calibration");
-  visit("tracking/max_megapixels", p.tracking.max_megapixels, 0.05, 1000.0, "Mpx",
-        "larger images are processed at a half, a third, ... of their size; all parameters in pixels "
-        "are of that size");
+  visit(
+      "tracking/max_megapixels", p.tracking.max_megapixels, 0.05, 1000.0, "Mpx",
+      "larger images are processed at a half, a third, ... of their size; all parameters in pixels "
+      "are of that size");
   visit("tracking/threads", p.tracking.threads, 1, 64, "",
         "threads that work on one frame; results do not depend on it");
 }

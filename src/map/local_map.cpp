@@ -208,8 +208,9 @@ void LocalMap::forget() {
   lines_.erase(std::remove_if(lines_.begin(), lines_.end(), forgotten), lines_.end());
 }
 
-/// Where cells want more: inliers first, and of either kind the strongest first. The more of what is
-/// seen is new, the fewer points look as they did a frame ago, and the more unmatched ones count.
+/// Where cells want more: inliers first, and of either kind the strongest first. The more of what
+/// is seen is new, the fewer points look as they did a frame ago, and the more unmatched ones
+/// count.
 void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
                          const LandmarkCandidates& candidates) {
   PointQuota quota(context.camera, context.parameters.points.cell_size_px);

@@ -22,7 +22,8 @@ bool PointQuota::take(const Eigen::Vector2f& pixel, int wanted) {
   const auto near = [&](const Eigen::Vector2f& other) {
     return (other - pixel).squaredNorm() < kApartPx * kApartPx;
   };
-  if (static_cast<int>(points.size()) >= wanted || std::any_of(points.begin(), points.end(), near)) return false;
+  if (static_cast<int>(points.size()) >= wanted || std::any_of(points.begin(), points.end(), near))
+    return false;
   points.push_back(pixel);
   return true;
 }

@@ -25,7 +25,8 @@ struct FrameContext {
 };
 
 /// Noise of a coordinate of a point's pixel [px]: what no patch shows of itself, in pixels of its
-/// level, and that of its alignment. \param scale of the pyramid level in which the point was found.
+/// level, and that of its alignment. \param scale of the pyramid level in which the point was
+/// found.
 double pointSigma(const FrameContext& context, double alignment_noise_px, double scale);
 
 /// Noise of a segment's end points across it [px]: how far the edge is from straight, and the noise

@@ -148,7 +148,8 @@ std::size_t PointCoverage::cellOf(const Eigen::Vector2f& pixel) const {
 }
 
 bool PointCoverage::isPoor() const {
-  constexpr double kManyCells = 0.6;  // half the cells are short where there is sky and a plain road
+  constexpr double kManyCells =
+      0.6;  // half the cells are short where there is sky and a plain road
   const auto few = std::count_if(counts_.begin(), counts_.end(), [](int n) { return n < kFew; });
   return static_cast<double>(few) > kManyCells * static_cast<double>(counts_.size());
 }

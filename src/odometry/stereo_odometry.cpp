@@ -35,8 +35,8 @@ constexpr double kMaxCorrectionSigmas = 3.0;
 // built-in worlds (NEES).
 constexpr double kLasting = 7.0;
 
-// The share of new features where no map counts them: between a flight's 6 % and that of a car whose
-// frames are 4 m apart, 65 %.
+// The share of new features where no map counts them: between a flight's 6 % and that of a car
+// whose frames are 4 m apart, 65 %.
 constexpr double kShareOfNewWithoutMap = 0.35;
 
 Parameters checked(const Parameters& parameters) {
@@ -101,11 +101,11 @@ class StereoOdometry::Impl {
 
   // State.
   TrackingState state_ = TrackingState::kInitializing;
+  int failed_windows_ = 0;  // that no frame has reported yet
   FrameHistory history_;
   NoiseScale noise_;
   Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
   std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
-  int failed_windows_ = 0;                            // that no frame has reported yet
   PoseIntegrator pose_;
   SteadyPose output_;
   std::optional<std::int64_t> last_stamp_ns_;  // of the last accepted frame
@@ -485,8 +485,8 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 /// is solved before.
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
-  auto& [input_camera, parameters, reduction, camera, threads, detector, refinement, state, history,
-         noise, T_odom_map, window, failed_windows, pose, output, last_stamp_ns] = *this;
+  auto& [input_camera, parameters, reduction, camera, threads, detector, refinement, state,
+         failed_windows, history, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
   static_cast<void>(std::tie(input_camera, reduction, camera, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
