@@ -16,8 +16,8 @@ constexpr double kFramesPerSample = 2.0;
 // What a calibration may be wrong by at the image's side [px], for RightImageCorrection::terms().
 // Of the disparity, the terms without x are held more: over two frames their effect on the flow is
 // hardly distinguished from that of a wrong speed.
-constexpr double kFreePx = 0.2;
-constexpr double kHeldPx = 0.04;
+constexpr double kFreePx = 0.1;
+constexpr double kHeldPx = 0.05;
 RightImageCorrection::Coefficients disparitySigma() {
   RightImageCorrection::Coefficients sigma;
   sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx;

@@ -84,7 +84,8 @@ class StereoOdometry::Impl {
   void reportPose(FrameResult* result) const;
   FrameResult dropped(TrackingReason reason, FrameResult result) const;
   void giveUp(const char* error, double dt_s, FrameResult* result);
-  void refineCalibration(const StereoFrame& curr, const MotionMeasurement& measurement);
+  void refineRows(const StereoFrame& curr);
+  void refineDisparities(const MotionMeasurement& measurement);
   void useCamera();
   void startNewReference();
   void startNewMap();
@@ -169,14 +170,21 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
       measurement.reason == TrackingReason::kNone) {
     noise_.learn(measurement.motion.point_residuals, measurement.motion.line_residuals);
   }
-  if (parameters_.tracking.refine_calibration) {
+  // Whole pixels say nothing about small displacements.
+  const bool refines =
+      parameters_.tracking.refine_calibration && parameters_.matching.refine_subpixel;
+  if (refines) {
     const StageTimer timer(&result->times, Stage::kRefine);
-    refineCalibration(curr, measurement);
+    refineRows(curr);
   }
   if (shouldBecomeReference(curr, measurement)) {
     const StageTimer timer(&result->times, Stage::kLearn);
     takeReference(std::move(curr), context, measurement);
     startWindow();
+  }
+  if (refines && measurement.direct.ok()) {
+    const StageTimer timer(&result->times, Stage::kRefine);
+    refineDisparities(measurement);
   }
 }
 
@@ -287,10 +295,7 @@ bool StereoOdometry::Impl::shouldBecomeReference(const StereoFrame& curr,
          static_cast<int>(curr.points.size() + curr.lines.size()) >= parameters_.motion.min_matches;
 }
 
-void StereoOdometry::Impl::refineCalibration(const StereoFrame& curr,
-                                             const MotionMeasurement& measurement) {
-  if (!parameters_.matching.refine_subpixel)
-    return;  // whole pixels say nothing about small displacements
+void StereoOdometry::Impl::refineRows(const StereoFrame& curr) {
   std::vector<CalibrationRefinement::RowSample> rows;
   rows.reserve(curr.points.size());
   for (const StereoPoint& point : curr.points) {
@@ -299,9 +304,13 @@ void StereoOdometry::Impl::refineCalibration(const StereoFrame& curr,
         {point.right_px.cast<double>(), static_cast<double>(point.right_px.y() - left_px.y())});
   }
   refinement_.addRows(rows, parameters_.motion.point_noise_px);
-  if (!measurement.direct.ok()) return;
+}
+
+void StereoOdometry::Impl::refineDisparities(const MotionMeasurement& measurement) {
+  const double share_of_new = history_.map ? history_.map->shareOfNew() : kShareOfNewWithoutMap;
+  if (share_of_new == 1.0) return;  // the map has just begun: what is new is not known
   refinement_.addMotion(measurement.correspondences, measurement.direct, parameters_.motion,
-                        history_.map ? history_.map->shareOfNew() : kShareOfNewWithoutMap);
+                        share_of_new);
 }
 
 void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& context,
