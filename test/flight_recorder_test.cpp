@@ -140,9 +140,16 @@ TEST_F(FlightRecorderTest, AResetOrAnotherCalibrationBeginsAnew) {
   EXPECT_EQ(ring.recording().frames.size(), 2U);
   EXPECT_EQ(ring.recording().start->T_odom_base.translation().x(), 7.0);
 
-  StereoMessages messages = messagesOf(synthetic::frame(5));
-  messages.right_info = cameraInfo(0.3, messages.left->header);
-  processor.process(messages, Eigen::Isometry3d::Identity());
+  // Another calibration is taken once three frames in a row have it.
+  const auto processWithOther = [&](int i) {
+    StereoMessages messages = messagesOf(synthetic::frame(i));
+    messages.right_info = cameraInfo(0.3, messages.left->header);
+    processor.process(messages, Eigen::Isometry3d::Identity());
+  };
+  EXPECT_THROW(processWithOther(5), std::exception);
+  EXPECT_THROW(processWithOther(6), std::exception);
+  EXPECT_EQ(ring.recording().frames.size(), 2U);
+  processWithOther(7);
   EXPECT_EQ(ring.recording().frames.size(), 0U);
   ASSERT_NE(ring.recording().start, nullptr);
   EXPECT_NEAR(ring.recording().start->T_odom_base.translation().x(), 7.0, 1.0);
