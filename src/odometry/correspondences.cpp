@@ -91,12 +91,19 @@ StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
   return StereoPatch(PatchAligner(image, pixel));
 }
 
+/// A point where it was detected: known to a whole pixel of its level.
+AlignedPatch unaligned(const PointFeature& feature, const ImagePyramid& image) {
+  AlignedPatch point{feature.pixel};
+  point.noise_px *= image.ratio(feature.octave).maxCoeff();
+  return point;
+}
+
 PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoPoint& before,
                                        const StereoFrame& curr, const StereoPoint& now,
                                        const Eigen::Isometry3d& T_curr_earlier,
                                        const FrameContext& context) {
-  AlignedPatch left{curr.features.points_left[now.left].pixel};
-  AlignedPatch right{curr.features.points_right[now.right].pixel};
+  AlignedPatch left = unaligned(curr.features.points_left[now.left], context.left);
+  AlignedPatch right = unaligned(curr.features.points_right[now.right], context.right);
   if (context.parameters.matching.refine_subpixel) {
     const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
     const int octave = earlier.features.points_left[before.left].octave;
