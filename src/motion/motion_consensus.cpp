@@ -7,6 +7,8 @@
 #include <opencv2/core/eigen.hpp>
 #include <random>
 
+#include "motion/motion_cost.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -46,16 +48,11 @@ std::vector<Eigen::Isometry3d> solveThree(const std::vector<PointCorrespondence>
                cv::SOLVEPNP_AP3P);
   std::vector<Eigen::Isometry3d> motions;
   for (std::size_t i = 0; i < rotations.size(); ++i) {
-    Eigen::Vector3d turn;
-    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    cv::cv2eigen(rotations[i], turn);
-    Eigen::Vector3d t;
-    cv::cv2eigen(translations[i], t);
-    if (!turn.allFinite() || !t.allFinite()) continue;
-    const double angle = turn.norm();
-    if (angle > 0.0) T.linear() = Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-    T.translation() = t;
-    motions.push_back(T);
+    MotionVector motion;
+    cv::cv2eigen(rotations[i], motion.rotation);
+    cv::cv2eigen(translations[i], motion.translation);
+    if (motion.rotation.allFinite() && motion.translation.allFinite())
+      motions.push_back(motion.toIsometry());
   }
   return motions;
 }

@@ -95,7 +95,6 @@ class StereoOdometry::Impl {
   StereoCamera input_camera_;
   Parameters parameters_;
   ImageReduction reduction_;
-  StereoCamera camera_;  // of the images as they are processed
   std::unique_ptr<ThreadPool> threads_;
   StereoFeatureDetector detector_;
   CalibrationRefinement refinement_;
@@ -116,10 +115,9 @@ StereoOdometry::Impl::Impl(const StereoCamera& camera, const Parameters& paramet
     : input_camera_((camera.validate(), camera)),
       parameters_(checked(parameters)),
       reduction_(camera, parameters.tracking),
-      camera_(reduction_.camera()),
       threads_(std::make_unique<ThreadPool>(parameters.tracking.threads)),
       detector_(parameters.points, parameters.lines),
-      refinement_(camera_) {
+      refinement_(reduction_.camera()) {
   startNewReference();
 }
 
@@ -146,7 +144,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images) {
 
 void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameResult* result) {
   const RightImageCorrection correction = refinement_.correction();
-  FrameContext context{images, camera_, correction, parameters_, noise_};
+  FrameContext context{images, reduction_.camera(), correction, parameters_, noise_};
   StereoFrame curr = makeFrame(&context, &result->times);
   {
     const StageTimer timer(&result->times, Stage::kWindow);
@@ -358,7 +356,7 @@ void StereoOdometry::Impl::startWindow() {
   std::optional<BundleProblem> problem = history_.map->takeProblem();
   if (!problem) return;
   const auto launch = parameters_.tracking.threads > 1 ? std::launch::async : std::launch::deferred;
-  window_ = std::async(launch, [camera = camera_, motion = parameters_.motion,
+  window_ = std::async(launch, [camera = reduction_.camera(), motion = parameters_.motion,
                                 max_iterations = parameters_.window.max_iterations,
                                 bundle = std::move(*problem)]() mutable {
     const bool solved = adjustBundle(camera, motion, max_iterations, &bundle);
@@ -433,7 +431,7 @@ void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasureme
 
 void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
   last_stamp_ns_.reset();
-  refinement_ = CalibrationRefinement(camera_);
+  refinement_ = CalibrationRefinement(reduction_.camera());
   noise_ = NoiseScale();
   pose_.reset(T_odom_camera);
   output_.reset(T_odom_camera);
@@ -450,8 +448,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 /// Of what was estimated before, nothing holds for images of another camera or size.
 void StereoOdometry::Impl::useCamera() {
   reduction_ = ImageReduction(input_camera_, parameters_.tracking);
-  camera_ = reduction_.camera();
-  refinement_ = CalibrationRefinement(camera_);
+  refinement_ = CalibrationRefinement(reduction_.camera());
   noise_ = NoiseScale();
   startNewReference();
 }
@@ -462,7 +459,8 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   if (!parameters.motion.adapt_noise || parameters.window.size == 0) noise_ = NoiseScale();
   threads_ = std::make_unique<ThreadPool>(parameters.tracking.threads);
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
-  if (ImageReduction(input_camera_, parameters.tracking).camera() != camera_) useCamera();
+  if (ImageReduction(input_camera_, parameters.tracking).camera() != reduction_.camera())
+    useCamera();
   const auto is_of_map = [](const auto& parameter) {
     return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
   };
@@ -494,9 +492,9 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 /// is solved before.
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
-  auto& [input_camera, parameters, reduction, camera, threads, detector, refinement, state,
-         failed_windows, history, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
-  static_cast<void>(std::tie(input_camera, reduction, camera, threads, detector, window));
+  auto& [input_camera, parameters, reduction, threads, detector, refinement, state, failed_windows,
+         history, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
+  static_cast<void>(std::tie(input_camera, reduction, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
   archive->visit(history.reference);
