@@ -384,13 +384,14 @@ TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
   EXPECT_EQ(features.points[0].left_u, 100.0F);
   EXPECT_TRUE(features.points[0].inlier);
   EXPECT_FALSE(features.lines[1].inlier);
-  const OdometryInfo info = toInfo(frame, {5, 1, 2, 3, 4}, 8.0);
+  const OdometryInfo info = toInfo(frame, {5, 1, 2, 3, 4, 6}, 8.0);
   EXPECT_EQ(info.state, OdometryInfo::OK);
   EXPECT_EQ(info.reason, "");
   EXPECT_EQ(info.line_matches, 17U);
   EXPECT_EQ(info.frames_processed, 5U);
   EXPECT_EQ(info.exceptions, 3U);
   EXPECT_EQ(info.stamps_rejected, 4U);
+  EXPECT_EQ(info.relocalizations, 6U);
   EXPECT_EQ(info.stage_names.size(), info.stage_ms.size());
 }
 

@@ -570,13 +570,27 @@ TEST(MapOdometry, APitchedRightCameraIsMeasured) {
   EXPECT_LT((result.T_odom_camera.translation() - truth.translation()).norm(), 0.03);
 }
 
-TEST(MapOdometry, AGapStartsANewMap) {
-  StereoOdometry odometry(synthetic::roomCamera(), {});
-  for (int k = 0; k < 4; ++k) odometry.process(frame(k));
-  odometry.process(stamped(frame(4), 4 * kPeriodNs + 1100000000));
-  const FrameResult next = odometry.process(stamped(frame(5), 5 * kPeriodNs + 1100000000));
-  EXPECT_EQ(next.counts.map_points, 0);
-  EXPECT_EQ(next.state, TrackingState::kOk);
+/// After a gap the camera is found in the map, if it sees that; else there is a new one, without
+/// the landmarks of before.
+TEST(MapOdometry, AGapStartsANewMapUnlessTheOldOneIsSeen) {
+  for (const bool sees_it : {true, false}) {
+    StereoOdometry odometry(synthetic::roomCamera(), {});
+    for (int k = 0; k < 4; ++k) odometry.process(frame(k));
+    const auto later = [&](int k) {
+      StereoImages images = stamped(frame(k), k * kPeriodNs + 1100000000);
+      if (!sees_it) {
+        cv::flip(images.left.clone(), images.left, 0);
+        cv::flip(images.right.clone(), images.right, 0);
+      }
+      return images;
+    };
+    const FrameResult found = odometry.process(later(4));
+    EXPECT_EQ(found.reason, sees_it ? TrackingReason::kNone : TrackingReason::kFrameGap);
+    EXPECT_EQ(found.counts.relocalizations, sees_it ? 1 : 0);
+    const FrameResult next = odometry.process(later(5));
+    EXPECT_EQ(next.counts.map_points > 0, sees_it);
+    EXPECT_EQ(next.state, TrackingState::kOk);
+  }
 }
 
 }  // namespace

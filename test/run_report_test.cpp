@@ -10,31 +10,44 @@
 namespace point_line_odometry {
 namespace {
 
-std::vector<FrameRow> rowsWithFailedWindows(const std::vector<int>& failed) {
-  std::vector<FrameRow> rows(failed.size());
-  for (std::size_t i = 0; i < failed.size(); ++i) rows[i].counts.failed_windows = failed[i];
-  return rows;
-}
+struct CountCase {
+  const char* name;
+  int FrameCounts::*count;
+};
 
-TEST(RunReport, SummaryHasTheSumOfTheFailedWindows) {
+class CountOfEvents : public ::testing::TestWithParam<CountCase> {};
+
+TEST_P(CountOfEvents, IsSummedUpInTheSummary) {
+  const auto [name, count] = GetParam();
+  const std::string label = std::string("\"") + name + "\": ";
   const auto contains = [](const std::string& text, const std::string& words) {
     return text.find(words) != std::string::npos;
   };
-  EXPECT_TRUE(contains(formatSummaryJson({}, {}), "\"failed_windows\": 0,"));
-  const std::string summary = formatSummaryJson(rowsWithFailedWindows({0, 1, 0, 2}), {});
-  EXPECT_TRUE(contains(summary, "\"failed_windows\": 3,")) << summary;
+  EXPECT_TRUE(contains(formatSummaryJson({}, {}), label + "0,"));
+  std::vector<FrameRow> rows(4);
+  rows[1].counts.*count = 1;
+  rows[3].counts.*count = 2;
+  const std::string summary = formatSummaryJson(rows, {});
+  EXPECT_TRUE(contains(summary, label + "3,")) << summary;
 }
 
-TEST(RunReport, FailedWindowsAreAColumnOfTheFrames) {
+TEST_P(CountOfEvents, IsAColumnOfTheFrames) {
+  const auto [name, count] = GetParam();
   FrameCounts counts;
-  counts.failed_windows = 2;
+  counts.*count = 2;
   const auto columns = listCounts(counts);
-  const auto column = std::find_if(columns.begin(), columns.end(), [](const auto& named) {
-    return std::string(named.first) == "failed_windows";
-  });
+  const auto column =
+      std::find_if(columns.begin(), columns.end(),
+                   [name = std::string(name)](const auto& named) { return named.first == name; });
   ASSERT_NE(column, columns.end());
   EXPECT_EQ(column->second, 2);
 }
+
+INSTANTIATE_TEST_SUITE_P(
+    Counts, CountOfEvents,
+    ::testing::Values(CountCase{"failed_windows", &FrameCounts::failed_windows},
+                      CountCase{"relocalizations", &FrameCounts::relocalizations}),
+    [](const auto& info) { return std::string(info.param.name); });
 
 }  // namespace
 }  // namespace point_line_odometry

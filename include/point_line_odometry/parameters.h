@@ -77,6 +77,7 @@ struct LocalMapParameters {
 struct TrackingParameters {
   double max_frame_gap_s = 1.0;
   double max_prediction_s = 0.5;
+  double relocalization_s = 30.0;
   double max_speed_m_s = 60.0;
   double max_turn_rate_deg_s = 400.0;
   bool standstill_hold = true;
@@ -198,9 +199,12 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "search round the projection of a landmark that was not seen in the last frame");
 
   visit("tracking/max_frame_gap_s", p.tracking.max_frame_gap_s, 0.01, 60.0, "s",
-        "a longer gap starts a new reference; the pose is kept");
+        "after a longer gap the pose is kept, unless the camera is found in the map");
   visit("tracking/max_prediction_s", p.tracking.max_prediction_s, 0.0, 60.0, "s",
         "how long the velocity is kept without a measurement before the state is LOST");
+  visit("tracking/relocalization_s", p.tracking.relocalization_s, 0.0, 3600.0, "s",
+        "how long the camera is looked for in the map of before, once its way from there is lost; "
+        "0: only while there is no other map");
   visit("tracking/max_speed_m_s", p.tracking.max_speed_m_s, 0.01, 1000.0, "m/s",
         "faster estimates are rejected");
   visit("tracking/max_turn_rate_deg_s", p.tracking.max_turn_rate_deg_s, 1.0, 10000.0, "deg/s",

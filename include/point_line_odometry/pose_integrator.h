@@ -60,6 +60,12 @@ class PoseIntegrator {
 
   void forgetVelocity() { velocity_.reset(); }
 
+  /// The last measured motion took so long that its velocity says little about the present one.
+  void forgetMeasuredVelocity();
+
+  /// The reference becomes an earlier one again, with the pose and covariance that it had.
+  void returnTo(const Eigen::Isometry3d& T_odom_reference, const Matrix6d& reference_covariance);
+
   const Eigen::Isometry3d& T_odom_camera() const { return T_odom_camera_; }
   const Eigen::Isometry3d& T_odom_reference() const { return T_odom_reference_; }
 

@@ -92,7 +92,8 @@ struct FrameCounts {
   int map_point_inliers = 0;  ///< landmarks that the pose comes from
   int map_line_inliers = 0;
   int keyframes = 0;
-  int failed_windows = 0;  ///< ended without a solution since the last frame
+  int failed_windows = 0;   ///< ended without a solution since the last frame
+  int relocalizations = 0;  ///< 1 if the camera was found again by the looks of the landmarks alone
 };
 
 /// A matched point, in the current left camera.
@@ -121,6 +122,8 @@ struct FrameResult {
   /// by reset()). Always finite. It never jumps: the error of a prediction, or a large correction
   /// by the landmarks, is taken up by and by.
   Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
+  /// The same without that care: it jumps where the camera is found again.
+  Eigen::Isometry3d T_odom_estimate = Eigen::Isometry3d::Identity();
   Matrix6d pose_covariance =
       Matrix6d::Zero();  ///< of T_odom_camera, along and about the axes of odom
   /// Velocity of the camera in its own axes: linear [m/s], angular [rad/s].

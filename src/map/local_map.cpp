@@ -22,6 +22,9 @@ constexpr double kTrackedSigmas = 6.0;
 constexpr int kMinMissed = 2;
 constexpr int kMaxMissed = 20;
 
+// How much the last frame counts in the mean share of landmarks found.
+constexpr double kShareOfLast = 0.2;
+
 // Of the points wanted in a cell, the share that unmatched ones may fill even in slow motion.
 constexpr double kLeastShareOfUnmatched = 0.25;
 
@@ -106,6 +109,19 @@ void adoptPlaces(const WindowMoves& moves, const std::vector<Solved>& solved,
 
 }  // namespace
 
+double shareFound(const MapSights& sights, const MotionEstimate& motion) {
+  const auto num = [](const std::vector<bool>& list, std::size_t size) {
+    const auto end = list.begin() + static_cast<std::ptrdiff_t>(std::min(size, list.size()));
+    return static_cast<double>(std::count(list.begin(), end, true));
+  };
+  const std::vector<bool>& points = sights.point_in_view;
+  const std::vector<bool>& lines = sights.line_in_view;
+  const double in_view = num(points, points.size()) + num(lines, lines.size());
+  const double found = num(motion.point_inliers, sights.points.size()) +
+                       num(motion.line_inliers, sights.lines.size());
+  return found / std::max(in_view, 1.0);
+}
+
 MapSights LocalMap::find(const StereoFrame& frame, const FrameContext& context,
                          const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const {
   MapSights sights;
@@ -146,6 +162,8 @@ void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const 
                    const MotionEstimate& motion, const LandmarkCandidates& candidates) {
   moveReference(motion.T_curr_prev.inverse());
   reference_.covariance = inOtherAxes(motion.T_curr_prev.linear(), motion.covariance);
+  const double share_found = point_line_odometry::shareFound(sights, motion);
+  share_found_ += (share_found_ > 0.0 ? kShareOfLast : 1.0) * (share_found - share_found_);
   countMisses(sights.point_in_view, &points_);
   countMisses(sights.line_in_view, &lines_);
   learn(context.camera, sights, motion);

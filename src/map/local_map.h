@@ -25,6 +25,9 @@ struct LandmarkCandidates {
   std::vector<int> unmatched_points;
 };
 
+/// Of the landmarks that should be in view, the share that was found and agrees with a motion.
+double shareFound(const MapSights& sights, const MotionEstimate& motion);
+
 /// Points and lines seen lately and the keyframes that saw them, in a frame of the map's own that
 /// starts at the first camera. Every frame is measured against the landmarks; each sight of a
 /// landmark makes its place better known; keyframes and landmarks are adjusted together over a
@@ -61,9 +64,15 @@ class LocalMap {
   /// landmarks that it culled are forgotten.
   void adopt(const BundleProblem& solved);
 
+  const std::vector<MapPoint>& points() const { return points_; }
+
   std::size_t numPoints() const { return points_.size(); }
   std::size_t numLines() const { return lines_.size(); }
   std::size_t numKeyframes() const { return keyframes_.size(); }
+  /// Of the landmarks that should be in view, the share that frames have found lately and that
+  /// agrees with their motion; 0 before the second frame.
+  double shareFound() const { return share_found_; }
+
   /// Share of what the reference sees that was new with it.
   double shareOfNew() const { return share_of_new_; }
 
@@ -121,6 +130,7 @@ class LocalMap {
   std::deque<Observations> keyframes_;
   Observations reference_;  // what the last frame saw
   double share_of_new_ = 1.0;
+  double share_found_ = 0.0;
   std::uint64_t next_landmark_ = 0;
   std::uint64_t next_keyframe_ = 0;
   bool keyframe_is_new_ = false;
@@ -128,11 +138,11 @@ class LocalMap {
 
 inline auto LocalMap::state() {
   auto& [window, local_map, T_map_reference, points, lines, keyframes, reference, share_of_new,
-         next_landmark, next_keyframe, keyframe_is_new] = *this;
+         share_found, next_landmark, next_keyframe, keyframe_is_new] = *this;
   static_cast<void>(window);
   static_cast<void>(local_map);
-  return std::tie(T_map_reference, points, lines, keyframes, reference, share_of_new, next_landmark,
-                  next_keyframe, keyframe_is_new);
+  return std::tie(T_map_reference, points, lines, keyframes, reference, share_of_new, share_found,
+                  next_landmark, next_keyframe, keyframe_is_new);
 }
 
 }  // namespace point_line_odometry

@@ -20,6 +20,12 @@ constexpr double kFewMapMatches = 0.5;
 // more in all sequences at full rate).
 constexpr double kShareFound = 0.25;
 
+// What a place must show of the landmarks to be that where the camera is looked for: so many, and
+// so much of the share that is found from frame to frame.
+constexpr int kMinRecognised = 20;
+constexpr double kShareRecognised = 0.7;
+constexpr int kRelocalizationRounds = 2;
+
 /// Appends the matches of one kind that agree with a motion; all of them if there is none.
 template <typename Correspondence>
 void appendMatches(const std::vector<Correspondence>& matches, const MotionEstimate& motion,
@@ -53,6 +59,31 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
+KnownPoints knownPoints(const StereoFrame& frame) {
+  KnownPoints known;
+  known.descriptors = stereoDescriptors(frame);
+  for (const StereoPoint& point : frame.points)
+    known.positions.push_back(point.triangulated.p_camera);
+  return known;
+}
+
+KnownPoints knownPoints(const LocalMap& map) {
+  KnownPoints known;
+  const Eigen::Isometry3d T_reference_map = map.T_map_reference().inverse();
+  for (const MapPoint& point : map.points()) {
+    known.descriptors.push_back({point.left, point.right});
+    known.positions.push_back(T_reference_map * point.place.value);
+  }
+  return known;
+}
+
+/// True if nearly as many of the landmarks in view are found as in frames that followed each other:
+/// another place that looks alike shows only a part of them.
+bool isRecognised(const LocalMap& map, const MapSights& sights, const MotionEstimate& motion) {
+  return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognised &&
+         shareFound(sights, motion) >= kShareRecognised * map.shareFound();
+}
+
 TrackingReason trackingReason(MotionStatus status) {
   switch (status) {
     case MotionStatus::kOk:
@@ -77,7 +108,36 @@ MotionMeasurement MotionMeter::measure(const StereoFrame& curr) const {
     const StageTimer timer(times_, Stage::kMap);
     measureAgainstMap(curr, prediction, &measurement);
   }
-  if (measurement.motion.ok()) measurement.reason = reasonOf(measurement.motion, dt_s);
+  if (measurement.motion.ok()) {
+    measurement.reason = reasonOf(measurement.motion, dt_s);
+  } else {
+    MotionMeasurement found = relocalize(curr);
+    if (found.relocalized) return found;
+  }
+  return measurement;
+}
+
+MotionMeasurement MotionMeter::relocalize(const StereoFrame& curr) const {
+  MotionMeasurement measurement;
+  measurement.reason = TrackingReason::kTooFewInliers;
+  const StageTimer timer(times_, Stage::kMap);
+  if (!history_.map) return measurement;
+  const LocalMap& map = *history_.map;
+  std::optional<Eigen::Isometry3d> T_curr_reference = searchWidely(knownPoints(map), curr);
+  // The consensus knows the pose to a few pixels, at which only some landmarks are found at once.
+  for (int round = 0; round < kRelocalizationRounds && T_curr_reference; ++round) {
+    measurement.sights =
+        map.find(curr, context_, map.T_map_reference() * T_curr_reference->inverse(), threads_);
+    measurement.motion = estimateMotion(map.correspondences(measurement.sights), context_.camera,
+                                        *T_curr_reference, parameters_.motion);
+    T_curr_reference =
+        measurement.motion.ok() ? std::make_optional(measurement.motion.T_curr_prev) : std::nullopt;
+  }
+  if (T_curr_reference && isRecognised(map, measurement.sights, measurement.motion)) {
+    const double dt_s = toSeconds(curr.stamp_ns - history_.reference->stamp_ns);
+    measurement.reason = reasonOf(measurement.motion, dt_s);
+  }
+  measurement.relocalized = measurement.reason == TrackingReason::kNone;
   return measurement;
 }
 
@@ -126,7 +186,7 @@ MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const St
   MotionMeasurement measurement = measureNear(earlier, curr, prediction, stages, threads);
   const double found = shareFound(earlier, context_.camera, measurement.direct);
   if (found >= kShareFound) return measurement;
-  const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(earlier, curr);
+  const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(knownPoints(earlier), curr);
   if (!T_curr_earlier) return measurement;
   MotionMeasurement anew = measureNear(
       earlier, curr, {*T_curr_earlier, parameters_.matching.search_radius_px}, stages, threads);
@@ -135,15 +195,14 @@ MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const St
 }
 
 /// The motion by which most points that look alike can be explained.
-std::optional<Eigen::Isometry3d> MotionMeter::searchWidely(const StereoFrame& earlier,
+std::optional<Eigen::Isometry3d> MotionMeter::searchWidely(const KnownPoints& known,
                                                            const StereoFrame& curr) const {
-  const CircularMatches matches{
-      matchPointsByAppearance(stereoDescriptors(earlier), curr, parameters_.matching), {}};
   std::vector<PointCorrespondence> points;
-  for (const IndexPair& match : matches.points) {
+  for (const IndexPair& match :
+       matchPointsByAppearance(known.descriptors, curr, parameters_.matching)) {
     const StereoPoint& now = curr.points[match.second];
     PointCorrespondence point;
-    point.p_prev = earlier.points[match.first].triangulated.p_camera;
+    point.p_prev = known.positions[match.first];
     point.left_px = curr.features.points_left[now.left].pixel.cast<double>();
     point.right_px = context_.correction.apply(now.right_px.cast<double>());
     points.push_back(point);

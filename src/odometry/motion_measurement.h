@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <optional>
 #include <tuple>
+#include <vector>
 
 #include "map/local_map.h"
 #include "motion/sights.h"
@@ -41,6 +42,13 @@ struct MotionMeasurement {
   MotionEstimate direct;  ///< from these alone
   MotionEstimate motion;  ///< the best one: against the map if there is one
   MapSights sights;
+  bool relocalized = false;  ///< `motion` comes from the landmarks alone, found by their looks
+};
+
+/// Points that were seen before, wherever they are seen now: element i of both lists is one point.
+struct KnownPoints {
+  std::vector<Eigen::Vector3d> positions;  ///< in the reference's camera frame [m]
+  std::vector<StereoDescriptor> descriptors;
 };
 
 /// Measures the motion of one frame since the reference: matches it with the reference, with the
@@ -60,6 +68,12 @@ class MotionMeter {
 
   MotionMeasurement measure(const StereoFrame& curr) const;
 
+  /// Looks for the camera in the map without any knowledge of its motion: landmarks that look alike
+  /// over the whole image, consensus, then the usual estimate against all landmarks. A wrong place
+  /// is worse than none: without a motion (reason kTooFewInliers, or too fast) unless much of what
+  /// should be in view is found.
+  MotionMeasurement relocalize(const StereoFrame& curr) const;
+
  private:
   /// Where the times of a measurement go.
   struct Stages {
@@ -76,7 +90,7 @@ class MotionMeter {
   MotionMeasurement measureNear(const StereoFrame& earlier, const StereoFrame& curr,
                                 const MotionPrediction& prediction, const Stages& stages,
                                 ThreadPool* threads) const;
-  std::optional<Eigen::Isometry3d> searchWidely(const StereoFrame& earlier,
+  std::optional<Eigen::Isometry3d> searchWidely(const KnownPoints& known,
                                                 const StereoFrame& curr) const;
   void measureAgainstMap(const StereoFrame& curr, const MotionPrediction& prediction,
                          MotionMeasurement* measurement) const;

@@ -73,6 +73,20 @@ Matrix6d PoseIntegrator::covariance() const {
   return covariance;
 }
 
+void PoseIntegrator::forgetMeasuredVelocity() {
+  if (!velocity_) return;
+  twist_covariance_ =
+      predictionCovariance(velocity_->value, false, 1.0, velocity_->measured_over_s);
+  twist_.setZero();
+  velocity_.reset();
+}
+
+void PoseIntegrator::returnTo(const Eigen::Isometry3d& T_odom_reference,
+                              const Matrix6d& reference_covariance) {
+  T_odom_reference_ = T_odom_reference;
+  reference_covariance_ = reference_covariance;
+}
+
 void PoseIntegrator::takeReference() {
   T_odom_reference_ = T_odom_camera_;
   reference_covariance_ = lasting_covariance_;

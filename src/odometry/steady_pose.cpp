@@ -19,14 +19,6 @@ constexpr double kRestTime_s = 0.5;     // after which a camera that has not mov
 constexpr double kMaxSigmas = 3.0;      // by which the estimate may differ from that at rest
 constexpr double kNegligible = 1e-9;    // [m] and [rad], of an offset
 
-/// Translation and rotation from a to b, along and about the axes of odom.
-Vector6d difference(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
-  const Eigen::AngleAxisd turn(T_odom_b.linear() * T_odom_a.linear().transpose());
-  Vector6d difference;
-  difference << T_odom_b.translation() - T_odom_a.translation(), turn.angle() * turn.axis();
-  return difference;
-}
-
 /// The pose after a translation and rotation along and about the axes of odom.
 Eigen::Isometry3d moved(const Eigen::Isometry3d& T_odom_camera, const Vector6d& way) {
   Eigen::Isometry3d T = T_odom_camera;
@@ -91,7 +83,7 @@ Matrix6d SteadyPose::covariance(const PoseIntegrator& estimate) const {
 void SteadyPose::follow(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s) {
   const Eigen::Isometry3d& T_odom_estimate = estimate.T_odom_camera();
   if (holds_) {
-    offset_ = difference(T_odom_estimate, T_odom_camera_);
+    offset_ = poseDifference(T_odom_estimate, T_odom_camera_);
     return;
   }
   const double step_s = std::min(dt_s, kLongestStep_s);
@@ -99,7 +91,7 @@ void SteadyPose::follow(const PoseIntegrator& estimate, const Vector6d& velocity
   if (offset_.norm() < kNegligible) offset_.setZero();
   const Eigen::Isometry3d T_odom_wanted = moved(T_odom_estimate, offset_);
   const Eigen::Isometry3d T_odom_moved = T_odom_camera_ * motionAtVelocity(velocity, dt_s);
-  const Vector6d beside = difference(T_odom_moved, T_odom_wanted);
+  const Vector6d beside = poseDifference(T_odom_moved, T_odom_wanted);
   const double most_m = (kBesideShare * velocity.head<3>().norm() + kBesideSpeed) * step_s;
   const double most_rad = (kBesideShare * velocity.tail<3>().norm() + kBesideSpeed) * step_s;
   if (beside.head<3>().norm() <= most_m && beside.tail<3>().norm() <= most_rad) {
@@ -109,14 +101,14 @@ void SteadyPose::follow(const PoseIntegrator& estimate, const Vector6d& velocity
   Vector6d taken;
   taken << limited(beside.head<3>(), most_m), limited(beside.tail<3>(), most_rad);
   T_odom_camera_ = moved(T_odom_moved, taken);
-  offset_ = difference(T_odom_estimate, T_odom_camera_);
+  offset_ = poseDifference(T_odom_estimate, T_odom_camera_);
 }
 
 /// True if the camera has been at one place for long enough.
 bool SteadyPose::watchRest(const PoseIntegrator& estimate, double dt_s) {
   const Matrix6d noise = motionNoise(estimate);
   if (rest_) {
-    const Vector6d way = difference(rest_->T_odom_camera, estimate.T_odom_camera());
+    const Vector6d way = poseDifference(rest_->T_odom_camera, estimate.T_odom_camera());
     const Matrix6d covariance =
         rest_->noise + noise + estimate.referenceCovariance() - rest_->reference_covariance;
     if (isNoise(way, covariance)) {

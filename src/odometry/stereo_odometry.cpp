@@ -1,5 +1,6 @@
 #include "point_line_odometry/stereo_odometry.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <future>
@@ -35,6 +36,12 @@ constexpr double kMaxCorrectionSigmas = 3.0;
 // built-in worlds (NEES).
 constexpr double kLasting = 7.0;
 
+// How far from where it was expected the camera may be found again, in standard deviations.
+constexpr double kMaxReachSigmas = 6.0;
+
+// While the way is measured, so often the camera is looked for in the map of before as well.
+constexpr double kRetry_s = 0.5;
+
 // The share of new features where no map counts them: between a flight's 6 % and that of a car
 // whose frames are 4 m apart, 65 %.
 constexpr double kShareOfNewWithoutMap = 0.35;
@@ -48,6 +55,15 @@ Parameters checked(const Parameters& parameters) {
 bool fits(const cv::Mat& image, const StereoCamera& camera) {
   return image.type() == CV_8UC1 && image.cols == camera.width && image.rows == camera.height;
 }
+
+/// What was tracked until the way from there was lost.
+struct LostTrack {
+  FrameHistory history;  // with a map
+  Eigen::Isometry3d T_odom_map = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_odom_reference = Eigen::Isometry3d::Identity();
+  Matrix6d reference_covariance = Matrix6d::Zero();
+  std::int64_t tried_ns = 0;  // stamp of the last frame that was looked for in it
+};
 
 }  // namespace
 
@@ -67,18 +83,27 @@ class StereoOdometry::Impl {
 
  private:
   void track(const StereoImages& images, double dt_s, FrameResult* result);
+  MotionMeasurement measure(const StereoFrame& curr, const FrameContext& context, double dt_s,
+                            StageTimes* times);
+  std::optional<MotionMeasurement> findLostTrack(const StereoFrame& curr,
+                                                 const FrameContext& context, double dt_s,
+                                                 StageTimes* times);
+  bool isWithinReach(const Eigen::Isometry3d& T_odom_reference, const MotionEstimate& motion,
+                     std::int64_t stamp_ns, double dt_s) const;
   StereoFrame makeFrame(FrameContext* context, StageTimes* times);
   void addCoarserPoints(FrameContext* context, StereoFrame* frame);
   void integrate(const MotionMeasurement& measurement, std::int64_t stamp_ns, double dt_s);
   void integratePrediction(std::int64_t stamp_ns, double dt_s);
   MotionStep stepOf(const MotionMeasurement& measurement) const;
   bool shouldBecomeReference(const StereoFrame& curr, const MotionMeasurement& measurement) const;
+  void keepLostTrack();
   void takeReference(StereoFrame curr, const FrameContext& context,
                      const MotionMeasurement& measurement);
   static LandmarkCandidates candidatesOf(const MotionMeasurement& measurement,
                                          const StereoFrame& curr);
   void startWindow();
   void finishWindow();
+  bool isFoundAgain(const MotionMeasurement& measurement) const;
   void report(const StereoFrame& curr, const MotionMeasurement& measurement,
               FrameResult* result) const;
   void reportPose(FrameResult* result) const;
@@ -103,6 +128,7 @@ class StereoOdometry::Impl {
   TrackingState state_ = TrackingState::kInitializing;
   int failed_windows_ = 0;  // that no frame has reported yet
   FrameHistory history_;
+  std::optional<LostTrack> lost_;
   NoiseScale noise_;
   Eigen::Isometry3d T_odom_map_ = Eigen::Isometry3d::Identity();
   std::future<std::optional<BundleProblem>> window_;  // solved beside the next frame's first stages
@@ -150,13 +176,7 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
     const StageTimer timer(&result->times, Stage::kWindow);
     finishWindow();
   }
-  const bool gap = history_.reference && dt_s > parameters_.tracking.max_frame_gap_s;
-  MotionMeasurement measurement;
-  measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kFirstFrame;
-  if (history_.reference && !gap) {
-    const MotionMeter meter(history_, pose_.velocity(), context, threads_.get(), &result->times);
-    measurement = meter.measure(curr);
-  }
+  const MotionMeasurement measurement = measure(curr, context, dt_s, &result->times);
   report(curr, measurement, result);
   result->counts.failed_windows = std::exchange(failed_windows_, 0);
   integrate(measurement, curr.stamp_ns, dt_s);
@@ -184,6 +204,67 @@ void StereoOdometry::Impl::track(const StereoImages& images, double dt_s, FrameR
     const StageTimer timer(&result->times, Stage::kRefine);
     refineDisparities(measurement);
   }
+}
+
+/// Against the last frames and the map, after a gap against the map alone; then, while there is a
+/// lost track, against that.
+MotionMeasurement StereoOdometry::Impl::measure(const StereoFrame& curr,
+                                                const FrameContext& context, double dt_s,
+                                                StageTimes* times) {
+  MotionMeasurement measurement;
+  measurement.reason = TrackingReason::kFirstFrame;
+  if (history_.reference) {
+    const MotionMeter meter(history_, pose_.velocity(), context, threads_.get(), times);
+    const bool gap = dt_s > parameters_.tracking.max_frame_gap_s;
+    measurement = gap ? meter.relocalize(curr) : meter.measure(curr);
+    if (measurement.relocalized &&
+        !isWithinReach(pose_.T_odom_reference(), measurement.motion, curr.stamp_ns, dt_s)) {
+      measurement = MotionMeasurement();
+      measurement.reason = TrackingReason::kTooFewInliers;
+    }
+    if (gap && !measurement.relocalized) measurement.reason = TrackingReason::kFrameGap;
+  }
+  if (measurement.relocalized || !lost_) return measurement;
+  const bool measured = measurement.reason == TrackingReason::kNone;
+  if (measured && toSeconds(curr.stamp_ns - lost_->tried_ns) < kRetry_s) return measurement;
+  return findLostTrack(curr, context, dt_s, times).value_or(measurement);
+}
+
+/// Whether the camera can have come to where it was found from its last pose.
+bool StereoOdometry::Impl::isWithinReach(const Eigen::Isometry3d& T_odom_reference,
+                                         const MotionEstimate& motion, std::int64_t stamp_ns,
+                                         double dt_s) const {
+  PoseIntegrator expected = pose_;
+  expected.addPrediction(dt_s, stamp_ns, parameters_.tracking.max_prediction_s);
+  const Vector6d way =
+      poseDifference(expected.T_odom_camera(), T_odom_reference * motion.T_curr_prev.inverse());
+  const double squared = way.dot(expected.covariance().ldlt().solve(way));
+  return squared <= kMaxReachSigmas * kMaxReachSigmas;
+}
+
+/// Returns to the lost track if the frame shows a place of its map.
+std::optional<MotionMeasurement> StereoOdometry::Impl::findLostTrack(const StereoFrame& curr,
+                                                                     const FrameContext& context,
+                                                                     double dt_s,
+                                                                     StageTimes* times) {
+  const double lost_s = toSeconds(curr.stamp_ns - lost_->history.reference->stamp_ns);
+  if (lost_s > parameters_.tracking.relocalization_s) {
+    lost_.reset();
+    return std::nullopt;
+  }
+  lost_->tried_ns = curr.stamp_ns;
+  const std::optional<CameraVelocity> unknown;
+  const MotionMeter meter(lost_->history, unknown, context, threads_.get(), times);
+  MotionMeasurement found = meter.relocalize(curr);
+  if (!found.relocalized ||
+      !isWithinReach(lost_->T_odom_reference, found.motion, curr.stamp_ns, dt_s)) {
+    return std::nullopt;
+  }
+  history_ = std::move(lost_->history);
+  T_odom_map_ = lost_->T_odom_map;
+  pose_.returnTo(lost_->T_odom_reference, lost_->reference_covariance);
+  lost_.reset();
+  return found;
 }
 
 StereoFrame StereoOdometry::Impl::makeFrame(FrameContext* context, StageTimes* times) {
@@ -232,7 +313,12 @@ void StereoOdometry::Impl::integrate(const MotionMeasurement& measurement, std::
   if (measurement.reason == TrackingReason::kNone) {
     const double since_reference_s = toSeconds(stamp_ns - history_.reference->stamp_ns);
     pose_.addMeasurement(stepOf(measurement), since_reference_s, stamp_ns);
-    output_.followMeasured(pose_, dt_s, parameters_.tracking.standstill_hold);
+    if (since_reference_s > std::max(dt_s, parameters_.tracking.max_prediction_s)) {
+      pose_.forgetMeasuredVelocity();  // a mean over a time in which nothing was seen
+      output_.followUnknown(pose_, dt_s);
+    } else {
+      output_.followMeasured(pose_, dt_s, parameters_.tracking.standstill_hold);
+    }
     state_ = TrackingState::kOk;
   } else if (measurement.reason == TrackingReason::kFirstFrame) {
     output_.followUnknown(pose_, dt_s);
@@ -315,6 +401,7 @@ void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& c
                                          const MotionMeasurement& measurement) {
   history_.before_reference.reset();
   const bool measured = measurement.reason == TrackingReason::kNone;
+  if (!measured) keepLostTrack();
   if (measured && parameters_.motion.fuse_rotation) {
     history_.before_reference =
         EarlierFrame{std::move(*history_.reference), measurement.motion.T_curr_prev};
@@ -328,6 +415,15 @@ void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& c
   if (!measured && state_ != TrackingState::kDegraded) pose_.forgetVelocity();
   history_.reference = std::move(curr);
   pose_.takeReference();
+}
+
+/// How the camera will have come from here is not known: what was tracked so far is kept, to be
+/// found again. Of two lost tracks the longer one.
+void StereoOdometry::Impl::keepLostTrack() {
+  if (!history_.reference || !history_.map || parameters_.tracking.relocalization_s == 0.0) return;
+  if (lost_ && lost_->history.map->numKeyframes() > history_.map->numKeyframes()) return;
+  lost_ = LostTrack{std::exchange(history_, FrameHistory()), T_odom_map_, pose_.T_odom_reference(),
+                    pose_.referenceCovariance(), 0};
 }
 
 LandmarkCandidates StereoOdometry::Impl::candidatesOf(const MotionMeasurement& measurement,
@@ -374,6 +470,7 @@ void StereoOdometry::Impl::finishWindow() {
 void StereoOdometry::Impl::reportPose(FrameResult* result) const {
   result->state = state_;
   result->T_odom_camera = output_.T_odom_camera();
+  result->T_odom_estimate = pose_.T_odom_camera();
   result->pose_covariance = output_.covariance(pose_);
   result->twist = output_.holds() ? Vector6d::Zero() : pose_.twist();
   result->twist_covariance = pose_.twistCovariance();
@@ -401,6 +498,13 @@ void StereoOdometry::Impl::giveUp(const char* error, double dt_s, FrameResult* r
   reportPose(result);
 }
 
+/// By the landmarks, or by the last frame of before.
+bool StereoOdometry::Impl::isFoundAgain(const MotionMeasurement& measurement) const {
+  const bool measured = measurement.reason == TrackingReason::kNone;
+  return measurement.relocalized || (measured && state_ == TrackingState::kLost &&
+                                     history_.reference->stamp_ns < *last_stamp_ns_);
+}
+
 void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasurement& measurement,
                                   FrameResult* result) const {
   result->reason = measurement.reason;
@@ -413,6 +517,7 @@ void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasureme
   counts.point_inliers = measurement.direct.num_point_inliers;
   counts.line_inliers = measurement.direct.num_line_inliers;
   counts.iterations = measurement.motion.iterations;
+  counts.relocalizations = isFoundAgain(measurement) ? 1 : 0;
   if (history_.map) {
     const MapSights& sights = measurement.sights;
     const auto count = [](const std::vector<bool>& inliers, std::size_t size) {
@@ -465,6 +570,7 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
     return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
   };
   if (std::none_of(changed.begin(), changed.end(), is_of_map)) return;
+  lost_.reset();
   startNewMap();
   T_odom_map_ = pose_.T_odom_reference();
 }
@@ -493,17 +599,31 @@ void StereoOdometry::Impl::restoreState(const std::string& bytes) {
 template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
   auto& [input_camera, parameters, reduction, threads, detector, refinement, state, failed_windows,
-         history, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
+         history, lost, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
   static_cast<void>(std::tie(input_camera, reduction, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
-  archive->visit(history.reference);
-  archive->visit(history.before_reference);
-  bool has_map = history.map.has_value();
-  archive->visit(has_map);
-  if (has_map && !history.map) history.map.emplace(parameters.window, parameters.local_map);
-  if (!has_map) history.map.reset();
-  if (has_map) archive->visit(*history.map);
+  const auto visit_history = [&](FrameHistory* frames) {
+    archive->visit(frames->reference);
+    archive->visit(frames->before_reference);
+    bool has_map = frames->map.has_value();
+    archive->visit(has_map);
+    if (has_map && !frames->map) frames->map.emplace(parameters.window, parameters.local_map);
+    if (!has_map) frames->map.reset();
+    if (has_map) archive->visit(*frames->map);
+  };
+  visit_history(&history);
+  bool has_lost = lost.has_value();
+  archive->visit(has_lost);
+  if (has_lost && !lost) lost.emplace();
+  if (!has_lost) lost.reset();
+  if (has_lost) {
+    visit_history(&lost->history);
+    archive->visit(lost->T_odom_map);
+    archive->visit(lost->T_odom_reference);
+    archive->visit(lost->reference_covariance);
+    archive->visit(lost->tried_ns);
+  }
   archive->visit(noise);
   archive->visit(T_odom_map);
   archive->visit(failed_windows);
@@ -513,6 +633,7 @@ void StereoOdometry::Impl::visitState(Archive* archive) {
 }
 
 void StereoOdometry::Impl::startNewReference() {
+  lost_.reset();
   history_.reference.reset();
   history_.before_reference.reset();
   startNewMap();

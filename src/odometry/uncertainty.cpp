@@ -41,6 +41,13 @@ Eigen::Isometry3d motionAtVelocity(const Vector6d& velocity, double dt_s) {
   return T_prev_curr;
 }
 
+Vector6d poseDifference(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
+  const Eigen::AngleAxisd turn(T_odom_b.linear() * T_odom_a.linear().transpose());
+  Vector6d difference;
+  difference << T_odom_b.translation() - T_odom_a.translation(), turn.angle() * turn.axis();
+  return difference;
+}
+
 Vector6d velocityOfMotion(const Eigen::Isometry3d& T_prev_curr, double dt_s) {
   const Eigen::AngleAxisd rotation(T_prev_curr.linear());
   const Eigen::Matrix3d half =

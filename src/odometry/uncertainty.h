@@ -11,6 +11,9 @@ namespace point_line_odometry {
 Matrix6d composeCovariance(const Eigen::Isometry3d& T_odom_prev, const Matrix6d& pose_covariance,
                            const Eigen::Isometry3d& T_prev_curr, const Matrix6d& motion_covariance);
 
+/// Translation and rotation from a to b, along and about the axes of odom [m, rad].
+Vector6d poseDifference(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b);
+
 /// Motion over dt at a constant velocity (linear [m/s], angular [rad/s], in the camera's axes).
 Eigen::Isometry3d motionAtVelocity(const Vector6d& velocity, double dt_s);
 

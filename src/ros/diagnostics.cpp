@@ -74,6 +74,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   latency_ms_ = latency_ms;
   feature_budget_ = frame.feature_budget;
   failed_windows_ += static_cast<std::uint64_t>(frame.result.counts.failed_windows);
+  counters_.relocalizations += static_cast<std::uint64_t>(frame.result.counts.relocalizations);
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
   if (process_ms_.size() > kRemembered) process_ms_.pop_front();
@@ -177,6 +178,7 @@ void Diagnostics::reportTracking(Status& status) {
   status.add("frames rejected", counters_.rejected);
   status.add("exceptions", counters_.exceptions);
   status.add("failed windows", failed_windows_);
+  status.add("relocalizations", counters_.relocalizations);
 }
 
 void Diagnostics::reportInput(Status& status) {

@@ -244,6 +244,7 @@ OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, 
   info.frames_rejected = counters.rejected;
   info.exceptions = counters.exceptions;
   info.stamps_rejected = counters.stamps_rejected;
+  info.relocalizations = counters.relocalizations;
   return info;
 }
 

@@ -54,6 +54,7 @@ struct FrameCounters {
   std::uint64_t rejected = 0;
   std::uint64_t exceptions = 0;
   std::uint64_t stamps_rejected = 0;  ///< images and camera_infos, see StampFilter
+  std::uint64_t relocalizations = 0;  ///< frames, see FrameCounts
 };
 
 /// A line segment fixed in odom [m].

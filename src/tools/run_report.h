@@ -87,7 +87,8 @@ inline std::vector<std::pair<const char*, int>> listCounts(const FrameCounts& c)
           {"map_point_inliers", c.map_point_inliers},
           {"map_line_inliers", c.map_line_inliers},
           {"keyframes", c.keyframes},
-          {"failed_windows", c.failed_windows}};
+          {"failed_windows", c.failed_windows},
+          {"relocalizations", c.relocalizations}};
 }
 
 /// Names and values of the times of a frame [ms]: every stage, their total, and what came before.
@@ -194,11 +195,10 @@ inline std::size_t countState(const std::vector<FrameRow>& rows, TrackingState s
       rows.begin(), rows.end(), [state](const FrameRow& row) { return row.state == state; }));
 }
 
-/// Windows of keyframes that ended without a solution.
-inline int countFailedWindows(const std::vector<FrameRow>& rows) {
-  return std::accumulate(rows.begin(), rows.end(), 0, [](int sum, const FrameRow& row) {
-    return sum + row.counts.failed_windows;
-  });
+/// A count over all frames.
+inline int sumOf(int FrameCounts::*count, const std::vector<FrameRow>& rows) {
+  return std::accumulate(rows.begin(), rows.end(), 0,
+                         [count](int sum, const FrameRow& row) { return sum + row.counts.*count; });
 }
 
 inline std::string formatResidualsJson(const ResidualHistogram& residuals) {
@@ -236,7 +236,8 @@ inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const Ru
   text << "{\n  \"input\": " << quoteJson(info.input) << ",\n  \"frames\": " << rows.size()
        << ",\n  \"degraded\": " << countState(rows, TrackingState::kDegraded)
        << ",\n  \"lost\": " << countState(rows, TrackingState::kLost)
-       << ",\n  \"failed_windows\": " << countFailedWindows(rows)
+       << ",\n  \"failed_windows\": " << sumOf(&FrameCounts::failed_windows, rows)
+       << ",\n  \"relocalizations\": " << sumOf(&FrameCounts::relocalizations, rows)
        << ",\n  \"states\": " << formatHistogramJson(states)
        << ",\n  \"reasons\": " << formatHistogramJson(reasons) << ",\n"
        << formatRecordingJson(info.recording) << "  \"unpaired_images\": " << info.unpaired_images
