@@ -250,8 +250,8 @@ TEST(StereoRectifierTest, MovesAPatchToWhereTheMathSays) {
   EXPECT_LT((centre(rectified.right) - rectifyPixel(calibration.right, p_right)).norm(), 0.1);
 }
 
-/// Pixel in the raw image of a fisheye camera: the angle to the axis, distorted, times the focal length
-/// (Kannala and Brandt 2006).
+/// Pixel in the raw image of a fisheye camera: the angle to the axis, distorted, times the focal
+/// length (Kannala and Brandt 2006).
 Eigen::Vector2d fisheyePixel(const CameraCalibration& camera, const Eigen::Vector3d& p_raw) {
   const double radius = p_raw.head<2>().norm();
   const double theta = std::atan2(radius, p_raw.z());
@@ -270,8 +270,8 @@ TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToWhereTheMathSays) {
   const Eigen::Isometry3d T_right_left = makeTurnedPose();
   const StereoCalibration calibration = rectifyCalibration({fisheye, fisheye}, T_right_left);
   const StereoRectifier rectifier(calibration);
-  for (const Eigen::Vector2d& side : {Eigen::Vector2d(0.1, 0.05), Eigen::Vector2d(-0.5, 0.4),
-                                      Eigen::Vector2d(0.7, -0.4)}) {
+  for (const Eigen::Vector2d& side :
+       {Eigen::Vector2d(0.1, 0.05), Eigen::Vector2d(-0.5, 0.4), Eigen::Vector2d(0.7, -0.4)}) {
     const Eigen::Vector3d p_left = 3.0 * side.homogeneous();
     const Eigen::Vector3d p_right = T_right_left * p_left;
     StereoImages raw;

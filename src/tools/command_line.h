@@ -40,8 +40,8 @@ inline int runTool(const char* name, const std::function<int()>& tool) {
   return kExitBadInput;
 }
 
-/// A switch that may have a value takes one only after '=': "--name" means true, whatever follows it.
-/// \return name and value of such a switch, or two empty texts for any other argument.
+/// A switch that may have a value takes one only after '=': "--name" means true, whatever comes
+/// next. \return name and value of such a switch, or two empty texts for any other argument.
 inline std::pair<std::string, std::string> parseSwitch(
     const std::string& argument, const boost::program_options::options_description& options) {
   if (argument.rfind("--", 0) != 0) return {};
