@@ -173,7 +173,8 @@ class OfflineOdometryTest(ToolTest):
 
     def test_summary_has_the_parameters_of_the_run(self):
         def parameters(name, *options):
-            with open(os.path.join(self.offline(self.kitti, name, *options), "summary.json")) as file:
+            output = self.offline(self.kitti, name, *options)
+            with open(os.path.join(output, "summary.json")) as file:
                 return json.load(file)["parameters"]
         default = parameters("default")
         table = self.succeed("offline_odometry", "--print-parameters").stdout.split("\nThe node")[0]
