@@ -38,8 +38,8 @@ use_ros() {
 use_workspace() { workspace=$repository/.workspace/$1; }
 
 # Makes the package in the workspace: a folder with links to what the repository has. A link to the
-# repository itself, in which the workspace lies, would be a loop for rosrun, which follows links, and
-# show it the programs of every workspace.
+# repository itself, in which the workspace lies, would be a loop for rosrun, which follows links,
+# and show it the programs of every workspace.
 link_package() {
   local folder=$workspace/src/$package entry name
   if [[ -L $folder ]]; then rm "$folder"; fi
@@ -47,8 +47,8 @@ link_package() {
   find "$folder" -maxdepth 1 -xtype l -delete  # to what is no longer there
   for entry in "$repository"/*; do
     name=${entry##*/}
-    if [[ $name == package.xml ]]; then
-      cmp -s "$entry" "$folder/$name" || cp "$entry" "$folder"  # catkin would install the link
+    if [[ $name == *.xml ]]; then
+      cmp -s "$entry" "$folder/$name" || cp "$entry" "$folder"  # CMake would install the link
     elif [[ $(readlink "$folder/$name") != "$entry" ]]; then
       ln -sfn "$entry" "$folder/$name"
     fi

@@ -44,7 +44,7 @@ class Entry(NamedTuple):
 
 
 class Report(NamedTuple):
-    """All that the report tells: sequences with results, the methods that were run, problems (sequence,
+    """All that the report tells: sequences with results, methods that were run, problems (sequence,
     method, sentence), settings.json and the published figures."""
     entries: List[Entry]
     methods: List[str]
