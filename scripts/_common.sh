@@ -37,6 +37,24 @@ use_ros() {
 # From here on a workspace of its own, for another kind of build: .workspace/NAME.
 use_workspace() { workspace=$repository/.workspace/$1; }
 
+# Makes the package in the workspace: a folder with links to what the repository has. A link to the
+# repository itself, in which the workspace lies, would be a loop for rosrun, which follows links,
+# and show it the programs of every workspace.
+link_package() {
+  local folder=$workspace/src/$package entry name
+  if [[ -L $folder ]]; then rm "$folder"; fi
+  mkdir -p "$folder"
+  find "$folder" -maxdepth 1 -xtype l -delete  # to what is no longer there
+  for entry in "$repository"/*; do
+    name=${entry##*/}
+    if [[ $name == *.xml ]]; then
+      cmp -s "$entry" "$folder/$name" || cp "$entry" "$folder"  # CMake would install the link
+    elif [[ $(readlink "$folder/$name") != "$entry" ]]; then
+      ln -sfn "$entry" "$folder/$name"
+    fi
+  done
+}
+
 # catkin_make in the workspace, which is made if need be; the arguments are catkin_make's.
 catkin_in_workspace() {
   local options=(-DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3)
@@ -44,8 +62,7 @@ catkin_in_workspace() {
   # The GMock that Debian 11 has for CMake gets lost when catkin runs CMake a second time.
   options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
   if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
-  mkdir -p "$workspace/src"
-  ln -sfn "$repository" "$workspace/src/$package"
+  link_package
   # CMake refuses a build folder that has been moved or copied with the repository.
   local cache=$workspace/build/CMakeCache.txt
   if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$workspace/src" "$cache"; then

@@ -1,6 +1,7 @@
 #!/usr/bin/python3 -B
-"""Runs the odometry over KITTI and EuRoC sequences, and sets its errors and times beside published
-ones: report.md, results.csv and pictures in the output folder.
+"""Runs the odometry over KITTI and EuRoC sequences, with the paper's method and with this package's
+own, and sets errors and times beside each other and beside published ones: report.md with the
+paper's tables and figures, and results.csv.
 
 A run that was interrupted goes on where it was when it is started again. GNU parallel runs the
 sequences, here or on several machines.
@@ -26,9 +27,10 @@ import xml.etree.ElementTree as ElementTree
 import zlib
 from typing import Any, Dict, IO, Iterator, List, NamedTuple, Optional
 
-from _sequences import (LAYOUTS, REPORT_FILES, RESULT_FILES, RESULT_MARK, SCRIPTS, InputError,
-                        Sequence, euroc_base, find_ground_truth, fingerprint, is_whole, layout_of,
-                        load_figures, program_fingerprint, read_json, write_text)
+from _sequences import (LAYOUTS, METHODS, REPORT_FILES, RESULT_FILES, RESULT_MARK, SCRIPTS,
+                        InputError, Sequence, Task, count_frames, find_ground_truth, fingerprint,
+                        is_whole, layout_of, load_figures, program_fingerprint, read_json,
+                        result_folder, write_text)
 
 REPOSITORY = os.path.dirname(SCRIPTS)
 SEARCH_DEPTH = 3
@@ -43,10 +45,15 @@ KITTI_DIR: the odometry data set (sequences/00 ... 10, poses/00.txt ...). EUROC_
 MH_01_easy ... V2_03_difficult, each with mav0. Instead of either: one sequence, any folder that
 has sequences of that kind inside, or - for none.
 
-Output folder: report.md (tables and pictures), results.csv, overview.png, residuals.png,
-segment_errors.png; sequences/NAME: trajectory.tum, trajectory.kitti, frames.csv, summary.json,
-evaluation.json, pictures; joblog: what GNU parallel ran when and where. Sequences that are done
-are not run again; those that had problems are. scripts/report_sequences DIR makes the report anew, at any time.
+METHOD: 'paper' is the method of the paper (config/paper.yaml), 'default' what this package does by
+itself. With both, every table and figure has them side by side; a method that is run later into the
+same folder joins the one before.
+
+Output folder: report.md (tables and figures), results.csv, figure_5.png ... figure_9.png,
+residuals.png, segment_errors.png; sequences/NAME/METHOD: trajectory.tum, trajectory.kitti,
+frames.csv, summary.json, evaluation.json, pictures; joblog: what GNU parallel ran when and where.
+What is done is not run again; what had problems is. scripts/report_sequences DIR makes the report
+anew, at any time.
 
 --hosts FILE names machines, one a line, as GNU parallel's --sshloginfile does:
 
@@ -82,6 +89,8 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('kitti', metavar='KITTI_DIR', help="folder with KITTI sequences, or '-'")
     parser.add_argument('euroc', metavar='EUROC_DIR', help="folder with EuRoC sequences, or '-'")
+    parser.add_argument('--method', choices=(*METHODS, 'both'), default='both',
+                        help='what to run (default: %(default)s)')
     parser.add_argument('-o', '--output', metavar='DIR', default='reproduced',
                         help='folder for the results (default: ./%(default)s)')
     parser.add_argument('--jobs', metavar='N', type=positive,
@@ -92,13 +101,24 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
     for layout in LAYOUTS:
         name = layout.lower()
         parser.add_argument(f'--{name}-config', metavar='FILE', dest=f'{layout}_config',
-                            default=os.path.join(REPOSITORY, 'config', f'{name}.yaml'),
-                            help=f'parameters for {layout} (default: config/{name}.yaml)')
+                            help=f"parameters of the method 'default' for {layout} (default: "
+                                 f'config/{name}.yaml)')
     parser.add_argument('--fresh', action='store_true',
                         help='throw away what the output folder has, and begin anew')
     parser.add_argument('--no-build', action='store_true',
                         help='use the programs as they are, without scripts/build')
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.method == 'paper' and (options.KITTI_config or options.EuRoC_config):
+        parser.error("--kitti-config and --euroc-config are for the method 'default'")
+    options.methods = METHODS if options.method == 'both' else (options.method,)
+    return options
+
+
+def config_file(options: argparse.Namespace, method: str, layout: str) -> str:
+    """The file with the parameters of a method."""
+    given = getattr(options, f'{layout}_config') if method == 'default' else None
+    name = layout.lower() if method == 'default' else method
+    return os.path.abspath(given or os.path.join(REPOSITORY, 'config', f'{name}.yaml'))
 
 
 def name_of(folder: str) -> str:
@@ -164,16 +184,6 @@ def find_sequences(options: argparse.Namespace) -> List[Sequence]:
     return found
 
 
-def count_frames(sequence: Sequence) -> int:
-    """About how many frames a sequence has, to start with the longest."""
-    inner = ('image_0',) if sequence.layout == 'KITTI' else ('cam0', 'data')
-    base = sequence.folder if sequence.layout == 'KITTI' else euroc_base(sequence.folder)
-    try:
-        return len(os.listdir(os.path.join(base, *inner)))
-    except OSError:
-        return 0
-
-
 def check_parallel() -> None:
     """Raises InputError unless the parallel in PATH is GNU's."""
     try:
@@ -200,35 +210,45 @@ def make_settings(options: argparse.Namespace, sequences: List[Sequence],
                   programs: str) -> Dict[str, Any]:
     """What the results depend on, as it stands in settings.json."""
     version = ElementTree.parse(os.path.join(REPOSITORY, 'package.xml')).findtext('version')
-    configurations = {}
-    for layout in sorted({each.layout for each in sequences}):
-        path = os.path.abspath(getattr(options, f'{layout}_config'))
-        configurations[layout] = {'file': path, 'fingerprint': fingerprint([path])}
+    layouts = sorted({each.layout for each in sequences})
+
+    def describe_config(method: str, layout: str) -> Dict[str, str]:
+        path = config_file(options, method, layout)
+        return {'file': path, 'fingerprint': fingerprint([path])}
     return {'version': version, 'program': program_fingerprint(programs),
-            'configurations': configurations,
-            'sequences': {each.name: {'folder': each.folder, 'layout': each.layout}
-                          for each in sequences}}
+            'configurations': {method: {layout: describe_config(method, layout)
+                                        for layout in layouts} for method in options.methods},
+            'sequences': {each.name: {'folder': each.folder, 'layout': each.layout,
+                                      'methods': list(options.methods)} for each in sequences}}
 
 
 def find_difference(old: Dict[str, Any], new: Dict[str, Any]) -> Optional[str]:
     """In what the settings of older results differ from those now; None if they fit together."""
     if old.get('program') != new['program']:
         return 'another build of the programs'
-    for layout, now in new['configurations'].items():
-        before = old['configurations'].get(layout, now)
-        if before['fingerprint'] != now['fingerprint']:
-            return f'other parameters for {layout} ({before["file"]}, since changed or replaced)'
+    for method, layouts in new['configurations'].items():
+        for layout, now in layouts.items():
+            before = old['configurations'].get(method, {}).get(layout, now)
+            if before['fingerprint'] != now['fingerprint']:
+                return (f"other parameters of the method '{method}' for {layout} "
+                        f'({before["file"]}, since changed or replaced)')
     for name, now in new['sequences'].items():
         before = old['sequences'].get(name, now)
-        if before != now:
+        if any(before[key] != now[key] for key in ('folder', 'layout')):
             return f'another sequence {name} ({before["folder"]})'
     return None
 
 
 def merge_settings(old: Dict[str, Any], new: Dict[str, Any]) -> Dict[str, Any]:
     """The new settings with what only the old ones name."""
-    both = {key: {**old.get(key, {}), **new[key]} for key in ('configurations', 'sequences')}
-    return {**new, **both}
+    configurations = {**old.get('configurations', {})}
+    for method, layouts in new['configurations'].items():
+        configurations[method] = {**configurations.get(method, {}), **layouts}
+    sequences = {**old.get('sequences', {})}
+    for name, now in new['sequences'].items():
+        methods = {*sequences.get(name, now)['methods'], *now['methods']}
+        sequences[name] = {**now, 'methods': [each for each in METHODS if each in methods]}
+    return {**new, 'configurations': configurations, 'sequences': sequences}
 
 
 def lock(output: str) -> IO[str]:
@@ -292,10 +312,11 @@ def keep_joblog(output: str) -> None:
     os.remove(latest)
 
 
-def task(run: Run, sequence: Sequence) -> List[str]:
-    """What run_sequence is told of a sequence: name, folder, parameters, and their fingerprint."""
-    config = run.settings['configurations'][sequence.layout]
-    return [sequence.name, sequence.folder, config['file'], config['fingerprint']]
+def task_arguments(run: Run, task: Task) -> List[str]:
+    """What run_sequence is told: name, method, folder, parameters, and their fingerprint."""
+    config = run.settings['configurations'][task.method][task.sequence.layout]
+    return [task.sequence.name, task.method, task.sequence.folder, config['file'],
+            config['fingerprint']]
 
 
 def job(run: Run, arguments: List[str], *options: str) -> str:
@@ -318,10 +339,10 @@ def read_hosts(path: str) -> List[str]:
     return hosts
 
 
-def find_usable(run: Run, hosts: List[str], sequence: Sequence) -> List[str]:
-    """Those of the machines that answer and can run the sequence; says why the others cannot."""
+def find_usable(run: Run, hosts: List[str], task: Task) -> List[str]:
+    """Those of the machines that answer and can do the task; says why the others cannot."""
     command = [*PARALLEL, '--nonall', '--sshloginfile', '-', '--ssh', SSH,
-               job(run, list(map(shlex.quote, task(run, sequence))), '--check')]
+               job(run, list(map(shlex.quote, task_arguments(run, task))), '--check')]
     checks = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                stderr=subprocess.STDOUT, universal_newlines=True)
               for _ in hosts]
@@ -338,10 +359,11 @@ def find_usable(run: Run, hosts: List[str], sequence: Sequence) -> List[str]:
     return usable
 
 
-def make_command(run: Run, options: argparse.Namespace, todo: List[Sequence]) -> List[str]:
+def make_command(run: Run, options: argparse.Namespace, todo: List[Task]) -> List[str]:
     """GNU parallel's command line; it reads the tasks, every argument ended by a 0."""
-    command = ['setpriv', '--pdeathsig', 'INT', *PARALLEL, '--null', '--max-args', '4',
-               '--joblog', os.path.join(run.output, '.joblog.part')]
+    places = [f'{{{i}}}' for i in range(1, 1 + len(task_arguments(run, todo[0])))]
+    command = ['setpriv', '--pdeathsig', 'INT', *PARALLEL, '--null', '--max-args',
+               str(len(places)), '--joblog', os.path.join(run.output, '.joblog.part')]
     if options.jobs:
         command += ['--jobs', str(options.jobs)]
     if options.hosts:
@@ -350,7 +372,7 @@ def make_command(run: Run, options: argparse.Namespace, todo: List[Sequence]) ->
         write_text(path, '\n'.join(hosts) + '\n')
         # What fails on a machine that has gone down is tried on every other.
         command += ['--sshloginfile', path, '--ssh', SSH, '--retries', str(1 + len(hosts))]
-    return [*command, job(run, ['{1}', '{2}', '{3}', '{4}'])]
+    return [*command, job(run, places)]
 
 
 def read_lines(stream: IO[bytes]) -> Iterator[Optional[bytes]]:
@@ -404,11 +426,13 @@ def store(run: Run, files: Dict[str, bytes]) -> Optional[Dict[str, Any]]:
             stream.write(content)
         flush_to_disk(stream.name)
     record = read_json(os.path.join(temporary, 'sequence.json'))
-    if record.get('name') not in run.settings['sequences']:
+    if (record.get('name') not in run.settings['sequences']
+            or record.get('method') not in run.settings['configurations']):
         shutil.rmtree(temporary)
         return None
     flush_to_disk(temporary)
-    folder = os.path.join(run.output, 'sequences', record['name'])
+    folder = result_folder(run.output, record['name'], record['method'])
+    os.makedirs(os.path.dirname(folder), exist_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
     os.rename(temporary, folder)
     flush_to_disk(os.path.dirname(folder))
@@ -417,7 +441,7 @@ def store(run: Run, files: Dict[str, bytes]) -> Optional[Dict[str, Any]]:
 
 def describe(record: Dict[str, Any], folder: str) -> str:
     """The result of a sequence in a line."""
-    begin = f'{record["name"]} on {record["host"]}'
+    begin = f'{record["name"]}, {record["method"]}, on {record["host"]}'
     if record['error'] is not None:
         return f'{begin}: {record["error"]}'
     figures = load_figures(folder)
@@ -431,19 +455,20 @@ def describe(record: Dict[str, Any], folder: str) -> str:
             f'{figures["time_ms"]:.0f} ms each')
 
 
-def start_parallel(run: Run, options: argparse.Namespace, todo: List[Sequence]) -> Any:
-    """GNU parallel at work on sequences; what the jobs print is to be read from its stdout."""
+def start_parallel(run: Run, options: argparse.Namespace, todo: List[Task]) -> Any:
+    """GNU parallel at work on tasks; what the jobs print is to be read from its stdout."""
     command = make_command(run, options, todo)
     with tempfile.TemporaryFile() as tasks:
         for each in todo:
-            tasks.write(b''.join(os.fsencode(argument) + b'\0' for argument in task(run, each)))
+            tasks.write(b''.join(os.fsencode(argument) + b'\0'
+                                 for argument in task_arguments(run, each)))
         tasks.seek(0)
         return subprocess.Popen(command, stdin=tasks, stdout=subprocess.PIPE,
                                 env={**os.environ, 'PARALLEL_SHELL': '/bin/bash'})
 
 
-def run_sequences(run: Run, options: argparse.Namespace, todo: List[Sequence]) -> None:
-    """Runs sequences with GNU parallel and stores what comes back, each as soon as it is done."""
+def run_tasks(run: Run, options: argparse.Namespace, todo: List[Task]) -> None:
+    """Does tasks with GNU parallel and stores what comes back, each as soon as it is done."""
     process = start_parallel(run, options, todo)
     begin, done = time.monotonic(), 0
     try:
@@ -455,7 +480,7 @@ def run_sequences(run: Run, options: argparse.Namespace, todo: List[Sequence]) -
             record = store(run, unpack(line))
             if record:
                 done += 1
-                folder = os.path.join(run.output, 'sequences', record['name'])
+                folder = result_folder(run.output, record['name'], record['method'])
                 print(f'[{done}/{len(todo)}] {describe(record, folder)}', flush=True)
     finally:
         # Told to end, it ends its jobs here and on the other machines.
@@ -475,7 +500,8 @@ def make_report(output: str) -> None:
 def reproduce(options: argparse.Namespace) -> int:
     """Exit code 0, or 1 if sequences had problems. InputError if nothing can be run."""
     sequences = find_sequences(options)
-    fingerprint([options.KITTI_config, options.EuRoC_config])
+    fingerprint([config_file(options, method, layout)
+                 for method in options.methods for layout in LAYOUTS])
     if options.hosts:
         read_hosts(options.hosts)
     programs = prepare_programs(options)
@@ -485,16 +511,18 @@ def reproduce(options: argparse.Namespace) -> int:
     with lock(run.output):
         open_output(run, options.fresh)
 
-        def folder_of(sequence: Sequence) -> str:
-            return os.path.join(run.output, 'sequences', sequence.name)
-        todo = [each for each in sequences if not is_whole(folder_of(each))]
-        todo.sort(key=count_frames, reverse=True)
-        print(f'sequences: {len(sequences)}, done before: {len(sequences) - len(todo)}',
-              flush=True)
+        tasks = [Task(each, method) for each in sequences for method in options.methods]
+
+        def is_done(task: Task) -> bool:
+            return is_whole(result_folder(run.output, task.sequence.name, task.method))
+        todo = [each for each in tasks if not is_done(each)]
+        todo.sort(key=lambda each: count_frames(each.sequence.folder, each.sequence.layout),
+                  reverse=True)
+        print(f'runs: {len(tasks)}, done before: {len(tasks) - len(todo)}', flush=True)
         if todo:
-            run_sequences(run, options, todo)
+            run_tasks(run, options, todo)
         make_report(run.output)
-        problems = [each.name for each in sequences if not is_whole(folder_of(each))]
+        problems = [f'{each.sequence.name} ({each.method})' for each in tasks if not is_done(each)]
         if problems:
             print(f'problems with {", ".join(problems)}: see the report')
     return 1 if problems else 0

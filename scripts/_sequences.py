@@ -12,13 +12,14 @@ from typing import Any, Dict, List, NamedTuple, Optional
 
 SCRIPTS = os.path.dirname(os.path.realpath(__file__))
 LAYOUTS = ('KITTI', 'EuRoC')
+METHODS = ('paper', 'default')  # of this package, in the order of the report
 
 # What the result of a sequence consists of; of one with problems there is only the last.
 RESULT_FILES = ('trajectory.tum', 'trajectory.kitti', 'frames.csv', 'summary.json',
-                'evaluation.json', 'trajectory.png', 'errors.png', 'positions.csv',
+                'evaluation.json', 'trajectory.png', 'errors.png', 'features.png', 'positions.csv',
                 'sequence.json')
-REPORT_FILES = ('report.md', 'results.csv', 'overview.png', 'residuals.png',
-                'segment_errors.png')
+REPORT_FILES = ('report.md', 'results.csv', 'figure_5.png', 'figure_6.png', 'figure_7.png',
+                'figure_8.png', 'figure_9.png', 'residuals.png', 'segment_errors.png')
 
 # A line that run_sequence prints: this, then the folder of the result as tar.gz in base64.
 RESULT_MARK = 'result of a sequence: '
@@ -44,6 +45,17 @@ class Sequence(NamedTuple):
     layout: str
 
 
+class Task(NamedTuple):
+    """What one job runs: a sequence, with the configuration of a method."""
+    sequence: Sequence
+    method: str
+
+
+def result_folder(output: str, name: str, method: str) -> str:
+    """The folder, within the output folder, with the result of a sequence and a method."""
+    return os.path.join(output, 'sequences', name, method)
+
+
 def layout_of(folder: str) -> Optional[str]:
     """The layout of a sequence's folder, told as offline_odometry does; None if it is no such."""
     def has(name: str) -> bool:
@@ -57,6 +69,16 @@ def euroc_base(folder: str) -> str:
     """The folder with cam0 of an EuRoC sequence."""
     inner = os.path.join(folder, 'mav0')
     return inner if os.path.isdir(inner) else folder
+
+
+def count_frames(folder: str, layout: str) -> int:
+    """About how many frames a sequence has."""
+    inner = ('image_0',) if layout == 'KITTI' else ('cam0', 'data')
+    base = folder if layout == 'KITTI' else euroc_base(folder)
+    try:
+        return len(os.listdir(os.path.join(base, *inner)))
+    except OSError:
+        return 0
 
 
 def find_ground_truth(folder: str, layout: str) -> str:
@@ -132,6 +154,8 @@ def load_figures(folder: str) -> Dict[str, Any]:
     summary = read_json(os.path.join(folder, 'summary.json'))
     return {'frames': summary['frames'], 'degraded': summary['degraded'], 'lost': summary['lost'],
             'time_ms': summary['times']['total_ms']['median'],
+            'stages_ms': {name[:-len('_ms')]: time['median']
+                          for name, time in summary['times'].items()},
             'path_m': scores['path_length_m'], 'ate_rmse': scores['ate_m']['rmse'],
             't_rel': scores['kitti']['t_rel_percent'],
             'r_rel': scores['kitti']['r_rel_deg_per_100m'],

@@ -250,6 +250,50 @@ TEST(StereoRectifierTest, MovesAPatchToWhereTheMathSays) {
   EXPECT_LT((centre(rectified.right) - rectifyPixel(calibration.right, p_right)).norm(), 0.1);
 }
 
+/// Pixel in the raw image of a fisheye camera: the angle to the axis, distorted, times the focal
+/// length (Kannala and Brandt 2006).
+Eigen::Vector2d fisheyePixel(const CameraCalibration& camera, const Eigen::Vector3d& p_raw) {
+  const double radius = p_raw.head<2>().norm();
+  const double theta = std::atan2(radius, p_raw.z());
+  double distorted = theta;
+  for (std::size_t i = 0; i < camera.D.size(); ++i)
+    distorted += camera.D[i] * std::pow(theta, 2.0 * static_cast<double>(i) + 3.0);
+  const Eigen::Vector2d image = distorted / radius * p_raw.head<2>();
+  return (camera.K * image.homogeneous()).hnormalized();
+}
+
+TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToWhereTheMathSays) {
+  CameraCalibration fisheye = makeCamera();
+  fisheye.K.topLeftCorner<2, 2>() *= 0.5;  // 75 degrees from the axis to the edge
+  fisheye.D = {-0.03, 0.01, -0.006, 0.001};
+  fisheye.distortion_model = "equidistant";
+  const Eigen::Isometry3d T_right_left = makeTurnedPose();
+  const StereoCalibration calibration = rectifyCalibration({fisheye, fisheye}, T_right_left);
+  const StereoRectifier rectifier(calibration);
+  for (const Eigen::Vector2d& side :
+       {Eigen::Vector2d(0.1, 0.05), Eigen::Vector2d(-0.5, 0.4), Eigen::Vector2d(0.7, -0.4)}) {
+    const Eigen::Vector3d p_left = 3.0 * side.homogeneous();
+    const Eigen::Vector3d p_right = T_right_left * p_left;
+    StereoImages raw;
+    for (auto [p, image] : {std::pair(p_left, &raw.left), std::pair(p_right, &raw.right)}) {
+      *image = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+      const Eigen::Vector2d px = fisheyePixel(fisheye, p);
+      constexpr int kShift = 8;
+      cv::circle(*image, cv::Point2d(px.x(), px.y()) * (1 << kShift), 3 << kShift, 255, cv::FILLED,
+                 cv::LINE_AA, kShift);
+    }
+    const StereoImages rectified = rectifier.rectify(raw);
+    const auto expectAt = [](const Eigen::Vector2d& expected, const cv::Mat& image) {
+      const cv::Moments m = cv::moments(image);
+      ASSERT_GT(m.m00, 0.0) << "the patch is out of the image; expected at "
+                            << expected.transpose();
+      EXPECT_LT((Eigen::Vector2d(m.m10 / m.m00, m.m01 / m.m00) - expected).norm(), 0.2);
+    };
+    expectAt(rectifyPixel(calibration.left, p_left), rectified.left);
+    expectAt(rectifyPixel(calibration.right, p_right), rectified.right);
+  }
+}
+
 TEST(StereoRectifierTest, GivesTheSameBytesEachTime) {
   CameraCalibration camera = makeCamera();
   camera.D = {-0.28, 0.07, 0.0002, 0.00002, 0.0};

@@ -159,6 +159,20 @@ class BagTest(unittest.TestCase, ReportChecks):
                                   "static_transform_publisher")})
         self.examine(bag, {}, "--base-frame", "left_camera")
 
+    def test_rectify_before_the_bag(self):
+        raw = os.path.join(self.folder, "raw.bag")
+        run("dataset_to_bag", "synthetic:corridor,frames=6", raw, "--quiet").check_returncode()
+        for options in ([raw], [raw, "--rectify"], ["--rectify", raw], ["--rectify=true", raw]):
+            result = run("doctor", *options)
+            self.assertEqual((result.returncode, result.stderr), (0, ""), result.stdout)
+            self.check(result.stdout, {})
+        result = run("doctor", "--rectify=false", raw)
+        self.assertEqual(result.returncode, 1, result.stdout)
+        self.assertEqual(parse(result.stdout)["rectification"][0], "WARN")
+        result = run("doctor", "--rectify=perhaps", raw)
+        self.assertEqual((result.returncode, result.stdout), (2, ""))
+        self.assertIn("--rectify", result.stderr)
+
     def test_other_names(self):
         bag = self.make_bag(lambda topic, message:
                             [(topic.replace("/stereo/", "/pair/"), message)])

@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
@@ -18,6 +19,7 @@ from tool_fixture import BASELINE_M, cut_off, find_program, make_kitti, read, wr
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 SCRIPTS = os.path.join(REPOSITORY, "scripts")
+METHODS = ("paper", "default")
 PUBLISHED = os.path.join(REPOSITORY, "doc", "published_results.yaml")
 PERIOD_NS = 100000000
 
@@ -93,13 +95,32 @@ def load_json(*names):
 
 def rows_of(path):
     with open(path, encoding="utf-8", newline="") as file:
-        return {row["sequence"]: row for row in csv.DictReader(file)}
+        return {(row["sequence"], row["method"]): row for row in csv.DictReader(file)}
 
 
 def table_rows(report, first):
     """Cells of the rows of a report's tables that begin so."""
-    return [[cell.strip() for cell in line.strip("|").split("|")]
-            for line in report.splitlines() if line.startswith(f"| {first} |")]
+    return [cells_of(line) for line in report.splitlines() if line.startswith(f"| {first} |")]
+
+
+def cells_of(line):
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def tables_of(report):
+    """All tables of a report, rows as heading: cell."""
+    tables = []
+    for block in re.findall(r"(?:^\|.*\n)+", report, re.MULTILINE):
+        heading, _, *rows = map(cells_of, block.splitlines())
+        tables.append([dict(zip(heading, row)) for row in rows])
+    return tables
+
+
+def scripts_module(name):
+    """A module of scripts/."""
+    if SCRIPTS not in sys.path:
+        sys.path.insert(0, SCRIPTS)
+    return __import__(name)
 
 
 class ReproduceTest(unittest.TestCase):
@@ -139,61 +160,154 @@ class ReproduceTest(unittest.TestCase):
         self.assertFalse(os.path.exists(self.path("none")))
 
     def ran(self, output):
-        """Names of the sequences in the joblog, one for every job."""
+        """Sequence and method of every job in the joblog."""
         lines = read(os.path.join(output, "joblog")).decode().splitlines()
-        return [line.split("\t")[8].split()[1] for line in lines[1:]]
+        return [tuple(line.split("\t")[8].split()[1:3]) for line in lines[1:]]
+
+    def report(self, output):
+        return read(os.path.join(output, "report.md")).decode()
 
     def test_runs_all_sequences_and_names_the_damaged_one(self):
         self.assertEqual(self.first.returncode, 1, self.first.stdout + self.first.stderr)
         self.assertIn("not public: KITTI 11", self.first.stdout)
-        self.assertIn("problems with 02", self.first.stdout)
-        self.assertEqual(sorted(self.ran(self.output)), ["00", "01", "02", "V1_01_easy"])
-        self.assertEqual(os.listdir(os.path.join(self.output, "sequences", "02")),
-                         ["sequence.json"])
-        report = read(os.path.join(self.output, "report.md")).decode()
-        self.assertIn("3 of 4 sequences", report)
-        self.assertRegex(report, r"\*\*02\*\*: offline_odometry: .*000002\.png")
+        self.assertIn("problems with 02 (paper), 02 (default)", self.first.stdout)
+        self.assertEqual(sorted(self.ran(self.output)),
+                         [(name, method) for name in ("00", "01", "02", "V1_01_easy")
+                          for method in sorted(METHODS)])
+        for method in METHODS:
+            self.assertEqual(os.listdir(os.path.join(self.output, "sequences", "02", method)),
+                             ["sequence.json"])
+        report = self.report(self.output)
+        self.assertIn("6 of 8 runs", report)
+        self.assertRegex(report, r"\*\*02\*\*, paper: offline_odometry: .*000002\.png")
         self.assertIn("**00** has 4 of 4541 frames", report)
-        for name in re.findall(r"!\[[^]]*\]\(([^)]*)\)", report):
+        pictures = re.findall(r"!\[[^]]*\]\(([^)]*)\)", report)
+        for name in pictures:
             self.assertEqual(read(os.path.join(self.output, name))[:4], b"\x89PNG")
+        # No error over segments: the way is 0.36 m.
+        self.assertEqual([name for name in pictures if "/" not in name],
+                         ["figure_5.png", "figure_7.png", "figure_8.png", "figure_9.png",
+                          "residuals.png"])
         self.assertEqual(os.listdir(self.scratch), [])
 
     def test_figures_are_those_of_evaluate_trajectory(self):
         rows = rows_of(os.path.join(self.output, "results.csv"))
-        self.assertEqual(set(rows), {"00", "01", "02", "V1_01_easy"})
+        self.assertEqual(set(rows), {(name, method) for name in ("00", "01", "02", "V1_01_easy")
+                                     for method in METHODS})
         mav0 = os.path.join(self.euroc, "V1_01_easy", "mav0")
-        for name, arguments in (
-                ("00", ["--groundtruth", os.path.join(self.kitti, "sequences/00/poses.txt"),
-                        "--estimate", os.path.join(self.output, "sequences/00/trajectory.kitti")]),
-                ("V1_01_easy",
-                 ["--groundtruth", os.path.join(mav0, "state_groundtruth_estimate0/data.csv"),
-                  "--estimate", os.path.join(self.output, "sequences/V1_01_easy/trajectory.tum"),
-                  "--body-to-camera", os.path.join(mav0, "cam0/sensor.yaml")])):
-            scores = json.loads(reproduce(*arguments, "--json",
-                                          script="evaluate_trajectory").stdout)
-            self.assertEqual(float(rows[name]["ate_rmse"]), scores["ate_m"]["rmse"])
-            self.assertEqual(float(rows[name]["path_m"]), scores["path_length_m"])
-            self.assertEqual(float(rows[name]["frame_deg"]),
-                             scores["per_frame"]["rotation_rmse_deg"])
-            self.assertLess(scores["ate_m"]["rmse"], 0.01)  # of 0.36 m: the frames are right
-            summary = load_json(self.output, "sequences", name, "summary.json")
-            self.assertEqual(float(rows[name]["time_ms"]), summary["times"]["total_ms"]["median"])
+        for name, truth, file, more in (
+                ("00", os.path.join(self.kitti, "sequences/00/poses.txt"), "trajectory.kitti", []),
+                ("V1_01_easy", os.path.join(mav0, "state_groundtruth_estimate0/data.csv"),
+                 "trajectory.tum", ["--body-to-camera", os.path.join(mav0, "cam0/sensor.yaml")])):
+            for method in METHODS:
+                row = rows[name, method]
+                folder = os.path.join(self.output, "sequences", name, method)
+                scores = json.loads(reproduce(
+                    "--groundtruth", truth, "--estimate", os.path.join(folder, file), "--json",
+                    *more, script="evaluate_trajectory").stdout)
+                self.assertEqual(float(row["ate_rmse"]), scores["ate_m"]["rmse"])
+                self.assertEqual(float(row["path_m"]), scores["path_length_m"])
+                self.assertEqual(float(row["frame_deg"]), scores["per_frame"]["rotation_rmse_deg"])
+                self.assertLess(scores["ate_m"]["rmse"], 0.02)  # of 0.36 m: the frames are right
+                summary = load_json(folder, "summary.json")
+                self.assertEqual(float(row["time_ms"]), summary["times"]["total_ms"]["median"])
+
+    def test_each_method_has_its_configuration(self):
+        for name in ("00", "V1_01_easy"):
+            paper, default = (load_json(self.output, "sequences", name, method, "summary.json")
+                              ["parameters"] for method in METHODS)
+            self.assertEqual((paper["window/size"], paper["motion/residual_images"]), ("0", "left"))
+            self.assertEqual((default["window/size"], default["motion/residual_images"]),
+                             ("5", "both"))
+            self.assertNotEqual(*(read(os.path.join(self.output, "sequences", name, method,
+                                                    "trajectory.tum")) for method in METHODS))
+        report = self.report(self.output)
+        self.assertRegex(report, r"(?m)^- \*\*paper\*\*: points and lines, frame to frame, "
+                                 r"rotation fused\. Parameters: .*config/paper\.yaml")
+        self.assertRegex(report, r"(?m)^- \*\*default\*\*: points and lines, landmarks, window of "
+                                 r"5 keyframes, local map of 100\. Parameters: .*config/kitti\.yaml")
+
+    def test_parameters_that_differ(self):
+        table, = (table for table in tables_of(self.report(self.output)) if "parameter" in table[0])
+        rows = {line["parameter"]: (line["paper"], line["default"]) for line in table}
+        self.assertEqual(rows["window/size"], ("0", "5"))
+        self.assertEqual(rows["motion/residual_images"], ("left", "both"))
+        # kitti.yaml and euroc.yaml have limits of their own.
+        self.assertEqual(rows["tracking/max_speed_m_s"][1], "50, 10")
+        self.assertNotIn("tracking/threads", rows)
+
+    def test_tables_have_the_numbers_of_the_results(self):
+        rows = rows_of(os.path.join(self.output, "results.csv"))
+        keys = {"AT-RMSE [m]": "ate_rmse", "per frame [mm]": "frame_mm",
+                "per frame [deg]": "frame_deg", "time [ms]": "time_ms"}
+        seen = 0
+        for table in tables_of(self.report(self.output)):
+            for line in table:
+                for heading, cell in line.items():
+                    method, _, figure = heading.partition(": ")
+                    if figure in keys and "sequence" in line:
+                        value = float(rows[line["sequence"], method][keys[figure]])
+                        decimals = len(cell.partition(".")[2])
+                        self.assertEqual(cell, f"{value:.{decimals}f}", (line["sequence"], heading))
+                        seen += 1
+        self.assertEqual(seen, 3 * 2 * len(keys))
+
+    def test_times_of_the_stages(self):
+        stages, = (table for table in tables_of(self.report(self.output)) if "stage" in table[0])
+        for layout, names in (("KITTI", ("00", "01")), ("EuRoC", ("V1_01_easy",))):
+            for method in METHODS:
+                times = [load_json(self.output, "sequences", name, method, "summary.json")["times"]
+                         for name in names]
+                for line in stages:
+                    medians = [each[line["stage"] + "_ms"]["median"] for each in times]
+                    self.assertEqual(line[f"{layout}, {method} [ms]"],
+                                     f"{sum(medians) / len(medians):.2f}")
+        self.assertIn("total", [line["stage"] for line in stages])
+        own, = table_rows(self.report(self.output), "this package, paper")
+        total, = (line["KITTI, paper [ms]"] for line in stages if line["stage"] == "total")
+        self.assertEqual(own[1], f"{float(total):.1f} (2 run)")
+
+    def test_one_method_then_the_other(self):
+        output = self.path("joined")
+        one = os.path.join(self.kitti, "sequences", "00")
+        config = self.path("points.yaml")
+        write(config, "lines:\n  enabled: false\nwindow:\n  size: 0\n"
+              "motion:\n  fuse_rotation: false\n")
+        run = [one, "-", "-o", output, "--no-build", "--method"]
+        result = reproduce(*run, "paper")
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        self.assertEqual(self.ran(output), [("00", "paper")])
+        alone = self.report(output)
+        self.assertIn("1 of 1 runs", alone)
+        self.assertNotIn("| default", alone)
+        self.assertNotIn("this package, default", alone)
+        self.assertNotIn("00/default", alone)
+        result = reproduce(*run, "default", "--kitti-config", config)
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        self.assertEqual(self.ran(output), [("00", "paper"), ("00", "default")])
+        both = self.report(output)
+        self.assertIn("2 of 2 runs", both)
+        self.assertIn("- **paper**: points and lines, frame to frame, rotation fused.", both)
+        # The words come from the configuration that ran, not from the name.
+        self.assertIn("- **default**: points, frame to frame.", both)
+        self.assertEqual(set(rows_of(os.path.join(output, "results.csv"))),
+                         {("00", method) for method in METHODS})
 
     def test_goes_on_where_it_was(self):
         output = self.copy_output("again")
         before = {name: os.stat(os.path.join(output, "sequences", name)).st_ino
-                  for name in ("00", "01", "V1_01_easy")}
+                  for name in ("00/paper", "00/default", "01/paper", "V1_01_easy/default")}
         os.mkdir(os.path.join(output, "sequences", "1.part"))  # of a run that was killed
         result = self.run_into(output)
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
-        self.assertEqual(self.ran(output)[4:], ["02"])
+        self.assertEqual(sorted(self.ran(output)[8:]), [("02", "default"), ("02", "paper")])
         self.assertEqual(self.run_into(output).returncode, 0)
-        self.assertEqual(len(self.ran(output)), 5)
-        os.remove(os.path.join(output, "sequences", "01", "frames.csv"))
+        self.assertEqual(len(self.ran(output)), 10)
+        os.remove(os.path.join(output, "sequences", "01", "default", "frames.csv"))
         self.assertEqual(self.run_into(output).returncode, 0)
-        self.assertEqual(self.ran(output)[5:], ["01"])
-        for name in ("00", "V1_01_easy"):
-            self.assertEqual(os.stat(os.path.join(output, "sequences", name)).st_ino, before[name])
+        self.assertEqual(self.ran(output)[10:], [("01", "default")])
+        for name, inode in before.items():
+            self.assertEqual(os.stat(os.path.join(output, "sequences", name)).st_ino, inode)
         self.assertEqual(sorted(os.listdir(os.path.join(output, "sequences"))),
                          ["00", "01", "02", "V1_01_easy"])
 
@@ -201,8 +315,9 @@ class ReproduceTest(unittest.TestCase):
         output, config = self.copy_output("other"), self.path("other.yaml")
         write(config, "points:\n  levels: 2\n")
         one = os.path.join(self.kitti, "sequences", "00")
-        arguments = [one, "-", "-o", output, "--no-build"]
-        self.refuse(["other parameters for KITTI", "--fresh"], *arguments, "--kitti-config", config)
+        arguments = [one, "-", "-o", output, "--no-build", "--method", "default"]
+        self.refuse(["other parameters of the method 'default' for KITTI", "--fresh"], *arguments,
+                    "--kitti-config", config)
         programs = self.path("programs")
         os.mkdir(programs)
         shutil.copy(find_program("offline_odometry"), programs)
@@ -213,7 +328,7 @@ class ReproduceTest(unittest.TestCase):
         self.refuse(["another sequence 00", one], moved, *arguments[1:])
         result = reproduce(*arguments, "--kitti-config", config, "--fresh")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
-        self.assertEqual(self.ran(output), ["00"])
+        self.assertEqual(self.ran(output), [("00", "default")])
         self.assertEqual(os.listdir(os.path.join(output, "sequences")), ["00"])
 
     def test_refuses_wrong_arguments(self):
@@ -223,6 +338,9 @@ class ReproduceTest(unittest.TestCase):
         self.refuse([self.path("gone"), "does not exist"], self.path("gone"), "-", *output)
         self.refuse("gone.yaml", self.kitti, "-", "--kitti-config", "gone.yaml", *output)
         self.refuse("--jobs", self.kitti, "-", "--jobs", "0", *output)
+        self.refuse("--method", self.kitti, "-", "--method", "fast", *output)
+        self.refuse("method 'default'", self.kitti, "-", "--method", "paper", "--kitti-config",
+                    os.path.join(REPOSITORY, "config", "kitti.yaml"), *output)
         self.refuse("--hosts", self.kitti, "-", "--hosts", self.path("gone"), *output)
         self.refuse("scripts/build", self.kitti, "-", *output, programs=self.root)
         self.refuse("not made by this script", self.kitti, "-", "-o", self.root, "--no-build")
@@ -267,34 +385,40 @@ class ReproduceTest(unittest.TestCase):
         hosts, output = self.path("hosts"), self.path("spread")
         write(hosts, "# two machines\n1/:\n2/ssh -p 1 127.0.0.1\n")
         one = os.path.join(self.kitti, "sequences", "00")
-        result = reproduce(one, "-", "-o", output, "--no-build", "--hosts", hosts)
+        result = reproduce(one, "-", "-o", output, "--no-build", "--hosts", hosts, "--method",
+                           "paper")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         self.assertIn("machine 2/ssh -p 1 127.0.0.1 is left out: ", result.stdout)
-        self.assertEqual(self.ran(output), ["00"])
-        self.assertEqual(read(os.path.join(output, "sequences/00/trajectory.tum")),
-                         read(os.path.join(self.output, "sequences/00/trajectory.tum")))
+        self.assertEqual(self.ran(output), [("00", "paper")])
+        self.assertEqual(read(os.path.join(output, "sequences/00/paper/trajectory.tum")),
+                         read(os.path.join(self.output, "sequences/00/paper/trajectory.tum")))
 
     def make_benchmark(self, published):
-        """An output folder as if all sequences of both benchmarks had been run, with t_rel 0.1 %,
-        0.2 % ... and an absolute error of 0.01 m, 0.02 m ..."""
+        """An output folder as if all sequences of both benchmarks had been run: with the default
+        t_rel is 0.1 %, 0.2 % ..., r_rel a tenth of it and the absolute error 0.01 m, 0.02 m ...;
+        with the paper's method twice that."""
         output = self.copy_output("benchmark")
+        self.addCleanup(shutil.rmtree, output)
         settings = load_json(output, "settings.json")
         settings["sequences"] = {}
         template = self.path("template")
+        self.addCleanup(shutil.rmtree, template)
         shutil.move(os.path.join(output, "sequences", "00"), template)
         shutil.rmtree(os.path.join(output, "sequences"))
         for layout in ("KITTI", "EuRoC"):
             for i, (name, frames) in enumerate(published[layout]["frames"].items(), 1):
-                folder = os.path.join(output, "sequences", name)
-                shutil.copytree(template, folder)
-                settings["sequences"][name] = {"folder": "/" + name, "layout": layout}
-                self.change_json(folder, "sequence.json", layout=layout)
-                self.change_json(folder, "summary.json", frames=frames)
-                scores = load_json(folder, "evaluation.json")
-                self.change_json(
-                    folder, "evaluation.json", ate_m={"rmse": 0.01 * i},
-                    kitti={**scores["kitti"], "t_rel_percent": 0.1 * i, "segments": 9,
-                           "r_rel_deg_per_100m": 0.01 * i})
+                shutil.copytree(template, os.path.join(output, "sequences", name))
+                settings["sequences"][name] = {"folder": "/" + name, "layout": layout,
+                                               "methods": list(METHODS)}
+                for method, error in (("paper", 2 * i), ("default", i)):
+                    folder = os.path.join(output, "sequences", name, method)
+                    self.change_json(folder, "sequence.json", layout=layout)
+                    self.change_json(folder, "summary.json", frames=frames)
+                    scores = load_json(folder, "evaluation.json")
+                    self.change_json(
+                        folder, "evaluation.json", ate_m={"rmse": 0.01 * error},
+                        kitti={**scores["kitti"], "t_rel_percent": 0.1 * error, "segments": 9,
+                               "r_rel_deg_per_100m": 0.01 * error})
         write(os.path.join(output, "settings.json"), json.dumps(settings))
         return output
 
@@ -308,23 +432,81 @@ class ReproduceTest(unittest.TestCase):
         output = self.make_benchmark(published)
         result = reproduce(output, script="report_sequences")
         self.assertEqual(result.returncode, 0, result.stderr)
-        report = read(os.path.join(output, "report.md")).decode()
-        self.assertIn("22 of 22 sequences", report)
+        report = self.report(output)
+        self.assertIn("44 of 44 runs", report)
         self.assertNotIn("Short and other sequences", report)
-        self.assertEqual(table_rows(report, "03")[0][:8],
-                         ["03", "801", "0.40", "0.71", "0.70", "0.04", "0.18", "0.04"])
-        self.assertEqual(table_rows(report, "V2_03_difficult")[0][:6],
-                         ["V2_03_difficult", "1922", "0.110", "lost", "0.126", "-"])
-        kitti, euroc = table_rows(report, "mean of 11")
-        self.assertEqual(kitti[1:7], ["", "0.60", "0.72", "0.68", "0.06", "0.22"])
-        self.assertEqual(euroc[2], "0.060")
-        self.assertRegex(euroc[3], r"^0\.04[34] \(10\)$")  # V2_03 is lost
-        kitti, euroc = table_rows(report, "this package")
-        self.assertEqual((kitti[3:5], euroc[3]), (["0.600", "0.060"], "0.060"))
-        self.assertEqual(table_rows(report, "Gao et al. 2021")[0][3:5], ["0.690", "0.200"])
+        for title in ("## Table 1: ", "## Table 2: ", "## Table 3: "):
+            self.assertEqual(report.count(title), 1)
+        tables = tables_of(report)
+        kitti, euroc = (next(table for table in tables if table[0].get("sequence") == name)
+                        for name in ("00", "MH_01_easy"))
+        # Table 1 has the paper's columns, also those without a number.
+        self.assertEqual(
+            list(kitti[3].items()),
+            [("sequence", "03"), ("frames", "801")]
+            + [(name + ": t_rel [%]", cell) for name, cell in (
+                ("paper", "0.80"), ("default", "0.40"), ("Gao et al. 2021", "not given"),
+                ("ORB-SLAM2", "0.71"), ("PLSVO", "not given"), ("SOFT2", "not given"),
+                ("SOFT-SLAM", "0.70"))]
+            + [(name + ": r_rel [deg/100 m]", cell) for name, cell in (
+                ("paper", "0.08"), ("default", "0.04"), ("Gao et al. 2021", "not given"),
+                ("ORB-SLAM2", "0.18"), ("PLSVO", "not given"), ("SOFT2", "not given"))])
+        self.assertEqual([kitti[-1][key + ": t_rel [%]"] for key in
+                          ("paper", "default", "Gao et al. 2021", "ORB-SLAM2", "SOFT2")],
+                         ["1.20", "0.60", "0.69", "0.72", "not given"])
+        last = euroc[10]
+        self.assertEqual([last["sequence"], last["frames"]], ["V2_03_difficult", "1922"])
+        self.assertEqual([last[key + ": AT-RMSE [cm]"] for key in (
+            "paper", "default", "Gao et al. 2021", "ORB-SLAM2", "PL-SLAM", "OV2SLAM fast")],
+            ["22.0", "11.0", "not given", "lost", "12.6", "not given"])
+        self.assertEqual(euroc[-1]["default: AT-RMSE [cm]"], "6.0")
+        self.assertRegex(euroc[-1]["ORB-SLAM2: AT-RMSE [cm]"], r"^4\.[34] \(10\)$")  # V2_03 is lost
+        kitti, time, euroc = table_rows(report, "this package, default")
+        self.assertEqual((kitti[3:], euroc[3:]), (["0.600", "0.060"], ["6.00"]))
+        kitti, time, euroc = table_rows(report, "Gao et al. 2021")
+        self.assertEqual((kitti[3:], euroc[3:]), (["0.690", "0.200"], ["not given"]))
+        self.assertEqual(time[1:], ["not given"] * 3)
+        self.assertEqual(table_rows(report, "ORB-SLAM2")[1][1:], ["49", "42", "i7-4790"])
         for layout in published:
             for system in published[layout]["systems"]:
                 self.assertIn(f"{system['name']} on {layout}: {system['source']}", report)
+
+    def test_figures_show_the_numbers_of_the_results(self):
+        with open(PUBLISHED, encoding="utf-8") as file:
+            published = yaml.safe_load(file)
+        output = self.make_benchmark(published)
+        report = scripts_module("_report_results").read_report(output)
+        figures = scripts_module("_report_figures")
+        chart = figures.draw_chart(report)
+        translation, rotation = chart.axes[:2]
+        self.assertEqual(translation.get_ylabel(), "translation error [%]")
+        self.assertEqual([label.get_text() for label in translation.get_xticklabels()],
+                         sorted(published["KITTI"]["frames"]))
+        for axes, key, unit in ((translation, "t_rel", 0.1), (rotation, "r_rel", 0.01)):
+            bars = {each.get_label(): [bar.get_height() for bar in each]
+                    for each in axes.containers}
+            for method, factor in (("paper", 2), ("default", 1)):
+                for i, height in enumerate(bars[method], 1):
+                    self.assertAlmostEqual(height, factor * unit * i)
+            orb_slam2 = next(each for each in published["KITTI"]["systems"]
+                             if each["name"] == "ORB-SLAM2")["sequences"]
+            self.assertEqual(bars["ORB-SLAM2"],
+                             [orb_slam2[name][key] for name in sorted(orb_slam2)])
+        line, = translation.lines
+        self.assertEqual(list(line.get_ydata()), [0.69, 0.69])
+        # Trajectories: those of the files, the estimates and then the ground truth.
+        trajectories = figures.draw_trajectories(report, "KITTI")
+        self.assertEqual(len([axes for axes in trajectories.axes if axes.lines]), 11)
+        first = trajectories.axes[0]
+        self.assertEqual([line.get_label() for line in first.lines],
+                         ["estimate, paper", "estimate, default", "ground truth"])
+        self.assertEqual([line.get_linestyle() for line in first.lines], ["-", "-", "--"])
+        truth = first.lines[2].get_xdata()
+        self.assertAlmostEqual(truth[-1] - truth[0], 0.36)
+        # Features: of each sequence and method the picture that it has.
+        pictures = figures.draw_pictures(report, "EuRoC")
+        self.assertEqual(len(pictures.axes), 22)
+        self.assertEqual(pictures.axes[1].get_title(), "MH_01_easy, default")
 
     def test_published_figures_are_complete_and_fit_their_means(self):
         with open(PUBLISHED, encoding="utf-8") as file:
@@ -335,11 +517,11 @@ class ReproduceTest(unittest.TestCase):
             self.assertEqual(len(names), 11)
             for system in published[layout]["systems"]:
                 self.assertTrue(system["source"] and system["method"], system["name"])
-                self.assertTrue("mean" in system or "sequences" in system, system["name"])
+                self.assertTrue({"mean", "sequences", "not_given"} & set(system), system["name"])
                 self.assertLessEqual(set(system.get("sequences", {})), names)
                 for figures in [system.get("mean", {}), *system.get("sequences", {}).values()]:
                     self.assertLessEqual(set(figures), keys)
-                if "mean" in system and "sequences" in system:
+                if "mean" in system and system.get("sequences"):
                     self.assertEqual(set(system["sequences"]), names)
                     for key, mean in system["mean"].items():
                         values = [figures[key] for figures in system["sequences"].values()]

@@ -171,6 +171,22 @@ class OfflineOdometryTest(ToolTest):
         self.assertEqual(row["points_left"], "0")
         self.assertNotEqual(row["lines_left"], "0")
 
+    def test_summary_has_the_parameters_of_the_run(self):
+        def parameters(name, *options):
+            output = self.offline(self.kitti, name, *options)
+            with open(os.path.join(output, "summary.json")) as file:
+                return json.load(file)["parameters"]
+        default = parameters("default")
+        table = self.succeed("offline_odometry", "--print-parameters").stdout.split("\nThe node")[0]
+        self.assertEqual(list(default), re.findall(r"^\| `(.*?)` \|", table, re.MULTILINE))
+        changed = parameters("changed", "--set", "window/size=0", "--set", "motion/huber_delta=0.3")
+        self.assertEqual({name: value for name, value in changed.items() if value != default[name]},
+                         {"window/size": "0", "motion/huber_delta": changed["motion/huber_delta"]})
+        self.assertAlmostEqual(float(changed["motion/huber_delta"]), 0.3)
+        same = parameters("same", *(word for name, value in changed.items()
+                                    for word in ("--set", f"{name}={value}")))
+        self.assertEqual(same, changed)
+
     def test_print_parameters(self):
         text = self.succeed("offline_odometry", "--print-parameters").stdout
         core, node = (re.findall(r"^\|.*$", part, re.MULTILINE) for part in text.split("\nThe node"))
@@ -392,6 +408,22 @@ class DatasetToBagTest(ToolTest):
         self.assertEqual(pictures(self.path("three.bag")), every[:1])
         self.assertSameFile("trajectory.kitti", self.offline(self.path("two.bag"), "a"),
                             self.offline(self.kitti, "b", "--every", 2))
+
+    def test_duration_is_that_of_the_images(self):
+        # A pair fills a chunk of the bag, so that the path after the last one had a chunk of its
+        # own, with the first stamp.
+        bag = self.path("street.bag")
+        for frames in (1, 4):
+            self.succeed("dataset_to_bag", f"synthetic:street,frames={frames}", bag, "--quiet")
+            info = subprocess.run(["rosbag", "info", "--yaml", bag], stdout=subprocess.PIPE,
+                                  check=True, universal_newlines=True).stdout
+            self.assertAlmostEqual(float(re.search("^duration: (.*)$", info, re.M).group(1)),
+                                   0.1 * (frames - 1), places=6)
+            with rosbag.Bag(bag) as messages:
+                (_, path, stamp), = messages.read_messages("/ground_truth/path")
+                first = next(iter(messages.read_messages("/stereo/left/image_rect")))
+            self.assertEqual(len(path.poses), frames)
+            self.assertEqual(stamp, first.timestamp)
 
     def test_help(self):
         self.assertIn("usage: dataset_to_bag DATASET OUT.bag",

@@ -6,6 +6,7 @@
 #include <functional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "point_line_odometry/input_error.h"
@@ -39,6 +40,19 @@ inline int runTool(const char* name, const std::function<int()>& tool) {
   return kExitBadInput;
 }
 
+/// A switch that may have a value takes one only after '=': "--name" means true, whatever comes
+/// next. \return name and value of such a switch, or two empty texts for any other argument.
+inline std::pair<std::string, std::string> parseSwitch(
+    const std::string& argument, const boost::program_options::options_description& options) {
+  if (argument.rfind("--", 0) != 0) return {};
+  const std::string name = argument.substr(2);
+  const auto* option = options.find_nothrow(name, false);
+  if (option == nullptr) return {};
+  const auto semantic = option->semantic();
+  const bool may_have_value = semantic->min_tokens() == 0 && semantic->max_tokens() == 1;
+  return may_have_value ? std::make_pair(name, std::string("true")) : std::make_pair("", "");
+}
+
 /// Reads options and positional arguments. Throws boost::program_options::error for what does not
 /// fit.
 inline boost::program_options::variables_map parseArguments(
@@ -49,9 +63,13 @@ inline boost::program_options::variables_map parseArguments(
   for (const char* name : positional) places.add(name, 1);
   const int style = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
   po::variables_map values;
-  po::store(
-      po::command_line_parser(argc, argv).options(options).positional(places).style(style).run(),
-      values);
+  po::store(po::command_line_parser(argc, argv)
+                .options(options)
+                .positional(places)
+                .style(style)
+                .extra_parser([&](const std::string& text) { return parseSwitch(text, options); })
+                .run(),
+            values);
   po::notify(values);
   return values;
 }

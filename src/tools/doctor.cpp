@@ -121,7 +121,7 @@ int runCommandLine(int argc, char** argv) {
        "namespace of the camera")
       ("node", po::value(&options.node)->value_name("NAME")->default_value("stereo_odometry"),
        "odometry node within it, whose parameters are taken if it runs")
-      ("rectify", po::value(&options.rectify)->value_name("BOOL")->implicit_value(true),
+      ("rectify", po::value(&options.rectify)->value_name("BOOL")->implicit_value(true, "true"),
        "image_raw is taken and rectified by camera_info; default: as the node has it, or as "
        "the bag's topics are named")
       ("transport", po::value(&options.transport)->value_name("NAME"),

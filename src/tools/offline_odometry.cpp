@@ -254,8 +254,13 @@ int runOdometry(const Options& options) {
   }
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
-  RunInfo info{options.input,        source->unpaired(),  elapsed_ms(begin) / 1000.0,
-               run.pointResiduals(), run.lineResiduals(), {}};
+  RunInfo info{options.input,
+               source->unpaired(),
+               elapsed_ms(begin) / 1000.0,
+               run.pointResiduals(),
+               run.lineResiduals(),
+               {},
+               run.odometry()->parameters()};
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
   if (truth.empty()) {

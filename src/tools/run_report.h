@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "dataset/classic_stream.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_odometry.h"
 #include "point_line_odometry/trajectory.h"
 #include "tools/recording_source.h"
@@ -43,6 +44,7 @@ struct RunInfo {
   ResidualHistogram point_residuals;  ///< of all frames
   ResidualHistogram line_residuals;
   std::optional<RecordingComparison> recording;  ///< of the replay of a recording
+  Parameters parameters;                         ///< in force at the end
 };
 
 /// Mean and quantiles of a series.
@@ -224,6 +226,16 @@ inline std::string formatRecordingJson(const std::optional<RecordingComparison>&
   return text.str();
 }
 
+/// Name and value of every parameter, both as texts for --set.
+inline std::string formatParametersJson(const Parameters& parameters) {
+  std::string text;
+  for (const auto& [name, value] : parameterTexts(parameters)) {
+    if (!text.empty()) text += ',';
+    text += "\n    " + quoteJson(name) + ": " + quoteJson(value);
+  }
+  return "{" + text + "\n  }";
+}
+
 /// summary.json: what a script wants to know of the run.
 inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& info) {
   std::map<std::string, std::size_t> states;
@@ -244,7 +256,8 @@ inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const Ru
        << ",\n  \"wall_s\": " << info.wall_s << ",\n  \"peak_memory_MB\": " << peakMemory_MB()
        << ",\n  \"times\": {" << formatStatisticsJson(collectTimes(rows), "_ms")
        << "\n  },\n  \"counts\": {" << formatStatisticsJson(collectCounts(rows), "")
-       << "\n  },\n  \"weighted_residuals\": {\"bin_width\": " << ResidualHistogram::kBinWidth
+       << "\n  },\n  \"parameters\": " << formatParametersJson(info.parameters)
+       << ",\n  \"weighted_residuals\": {\"bin_width\": " << ResidualHistogram::kBinWidth
        << ",\n    \"points\": " << formatResidualsJson(info.point_residuals)
        << ",\n    \"lines\": " << formatResidualsJson(info.line_residuals) << "}\n}\n";
   return text.str();

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ros/bag_file.h"
@@ -44,21 +46,19 @@ class StereoBag {
   /// True if stamps are not as in the source, since these begin at 0.
   bool shifts() const { return StampShift(first_ns_).shifts(); }
 
-  void add(const StereoImages& images) {
-    if (num_pairs_++ == 0) begin(images.stamp_ns);
-    last_ns_ = images.stamp_ns;
-    const ros::Time stamp = StampShift(first_ns_).toRos(images.stamp_ns);
-    const StereoCalibration& calibration = source_.calibration();
-    writeCamera("left", images.left, calibration.left, makeHeader(names_.left, stamp));
-    writeCamera("right", images.right, calibration.right, makeHeader(names_.right, stamp));
+  void add(StereoImages images) {
+    if (!last_) begin(images.stamp_ns);
+    if (last_) write(*last_);
+    last_ = std::move(images);
   }
 
-  /// Gives the bag its name.
+  /// Writes what is left and gives the bag its name.
   void commit() {
-    const std::vector<StampedPose> truth = source_.groundTruth();
-    if (!truth.empty() && num_pairs_ > 0) {
-      bag_.writeLatched("/ground_truth/path", StampShift(first_ns_).toRos(first_ns_),
-                        makePath(truth));
+    if (last_) {
+      // The path has the first stamp, but is known only now. It comes before the last pair, as
+      // 'rosbag info' takes the end of the bag's last chunk for the end of the bag.
+      writePath();
+      write(*last_);
     }
     bag_.commit();
   }
@@ -90,6 +90,20 @@ class StereoBag {
     bag_.writeLatched("/tf_static", begin, transforms);
   }
 
+  void write(const StereoImages& images) {
+    const ros::Time stamp = StampShift(first_ns_).toRos(images.stamp_ns);
+    const StereoCalibration& calibration = source_.calibration();
+    writeCamera("left", images.left, calibration.left, makeHeader(names_.left, stamp));
+    writeCamera("right", images.right, calibration.right, makeHeader(names_.right, stamp));
+  }
+
+  void writePath() {
+    const std::vector<StampedPose> truth = source_.groundTruth();
+    if (truth.empty()) return;
+    bag_.writeLatched("/ground_truth/path", StampShift(first_ns_).toRos(first_ns_),
+                      makePath(truth));
+  }
+
   void writeCamera(const char* side, const cv::Mat& image, const CameraCalibration& calibration,
                    const std_msgs::Header& header) {
     bag_.write(name_space_ + "/" + side + "/camera_info", header.stamp,
@@ -106,7 +120,7 @@ class StereoBag {
     const StampShift shift(first_ns_);
     nav_msgs::Path path;
     path.header = makeHeader(names_.odom, shift.toRos(first_ns_));
-    for (auto pose = first; pose != truth.end() && pose->stamp_ns <= last_ns_; ++pose) {
+    for (auto pose = first; pose != truth.end() && pose->stamp_ns <= last_->stamp_ns; ++pose) {
       geometry_msgs::PoseStamped stamped;
       stamped.header = makeHeader(names_.odom, shift.toRos(pose->stamp_ns));
       stamped.pose = toPose(toBasePose(first->T_world_camera.inverse() * pose->T_world_camera));
@@ -119,9 +133,8 @@ class StereoBag {
   const CameraFrameNames names_;
   const std::string name_space_;
   BagFile bag_;
-  std::size_t num_pairs_ = 0;
+  std::optional<StereoImages> last_;  // not written yet
   std::int64_t first_ns_ = 0;
-  std::int64_t last_ns_ = 0;
 };
 
 /// Writes the pairs of a source to a bag and says where they are. Throws InputError for bad options

@@ -1,0 +1,203 @@
+#!/usr/bin/env python3
+"""What a new user does with the README at hand: programs by rosrun from a fresh shell, launch files
+with another configuration, the node by itself, and the names that README and examples promise."""
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+import rosgraph
+import rospy
+import yaml
+from nav_msgs.msg import Odometry
+
+from ros_fixture import REPOSITORY, RosTest, wait_until
+from tool_fixture import find_program, make_kitti, run, write
+
+PACKAGE = "point_line_odometry"
+TOOLS = ("offline_odometry", "dataset_to_bag", "doctor", "synthetic_world", "benchmark",
+         "evaluate_trajectory")
+BASE = {name: os.environ[name] for name in ("HOME", "PATH") if name in os.environ}
+
+
+def readme():
+    with open(os.path.join(REPOSITORY, "README.md"), encoding="utf-8") as file:
+        return file.read()
+
+
+def shell(script, environment):
+    return subprocess.run(["bash", "-c", script], env=environment, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
+                          timeout=60)
+
+
+class WorkspaceTest(unittest.TestCase):
+    def setUp(self):
+        self.root = tempfile.mkdtemp(prefix="point_line_workspace_")
+        self.addCleanup(shutil.rmtree, self.root)
+
+    def path(self, *names):
+        return os.path.join(self.root, *names)
+
+    def test_rosrun_from_a_fresh_shell(self):
+        setup = os.path.join(os.path.dirname(find_program("offline_odometry")), "..", "..",
+                             "setup.bash")
+        for tool in TOOLS:
+            with self.subTest(tool=tool):
+                result = shell(f"source '{setup}' && rosrun {PACKAGE} {tool} --help", BASE)
+                self.assertEqual((result.returncode, result.stderr), (0, ""))
+                self.assertIn("usage: ", result.stdout.lower())
+
+    def link_package(self, name):
+        """What scripts/build makes of the repository `name` in its workspace."""
+        script = (f"source '{REPOSITORY}/scripts/_common.sh'; repository='{self.path(name)}'; "
+                  "workspace=$repository/.workspace; link_package")
+        result = shell("set -euo pipefail; " + script, BASE)
+        self.assertEqual((result.returncode, result.stdout, result.stderr), (0, "", ""))
+        folder = self.path(name, ".workspace", "src", PACKAGE)
+        return {entry: os.path.realpath(os.path.join(folder, entry))
+                for entry in os.listdir(folder)}
+
+    def test_package_of_the_workspace_does_not_hold_the_workspace(self):
+        os.makedirs(self.path("repo", "src"))
+        os.makedirs(self.path("repo", ".workspace", "src"))
+        for name in ("CMakeLists.txt", "package.xml", "src/a.cpp"):
+            write(self.path("repo", name), name)
+        # The link that earlier versions made.
+        os.symlink(self.path("repo"), self.path("repo", ".workspace", "src", PACKAGE))
+        links = self.link_package("repo")
+        self.assertEqual(set(links), {"CMakeLists.txt", "package.xml", "src"})
+        self.assertEqual(links["src"], os.path.realpath(self.path("repo", "src")))
+        found = subprocess.run(["find", "-L", self.path("repo", ".workspace", "src"), "-type", "f"],
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=True,
+                               universal_newlines=True).stdout
+        self.assertEqual(len(found.splitlines()), 3, found)
+
+        # Again, with files that came, changed and went, and in another place.
+        package_xml = self.path("repo", ".workspace", "src", PACKAGE, "package.xml")
+        before = os.stat(package_xml).st_mtime_ns
+        self.link_package("repo")
+        self.assertEqual(os.stat(package_xml).st_mtime_ns, before, "it would be configured anew")
+        os.remove(self.path("repo", "CMakeLists.txt"))
+        write(self.path("repo", "package.xml"), "changed")
+        os.mkdir(self.path("repo", "launch"))
+        os.rename(self.path("repo"), self.path("moved"))
+        links = self.link_package("moved")
+        self.assertEqual({name for name in links if name != "package.xml"}, {"src", "launch"})
+        self.assertEqual(links["src"], os.path.realpath(self.path("moved", "src")))
+        with open(links["package.xml"], encoding="utf-8") as file:
+            self.assertEqual(file.read(), "changed")
+
+
+class LaunchFileTest(unittest.TestCase):
+    def parameters(self, name, *arguments):
+        """What the launch file sets, without starting anything."""
+        result = subprocess.run(["roslaunch", "--dump-params", PACKAGE, name, "bag:=some.bag",
+                                 *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                universal_newlines=True, timeout=60)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        prefix = "/stereo/stereo_odometry/"
+        return {key[len(prefix):]: value for key, value in yaml.safe_load(result.stdout).items()
+                if key.startswith(prefix)}
+
+    def configuration(self, name):
+        """The parameters of a file in config/, by their whole names."""
+        def flatten(node, path):
+            for key, value in node.items():
+                if isinstance(value, dict):
+                    yield from flatten(value, path + key + "/")
+                else:
+                    yield path + key, value
+        with open(os.path.join(REPOSITORY, "config", name), encoding="utf-8") as file:
+            return dict(flatten(yaml.safe_load(file), ""))
+
+    def test_data_sets_take_another_configuration(self):
+        paper = os.path.join(REPOSITORY, "config", "paper.yaml")
+        for dataset, raw in (("kitti", {}), ("euroc", {"rectify": True})):
+            with self.subTest(dataset=dataset):
+                launch = dataset + ".launch"
+                self.assertEqual(self.parameters(launch), self.configuration(dataset + ".yaml"))
+                self.assertEqual(self.parameters(launch, "config:=" + paper),
+                                 {**self.configuration("paper.yaml"), **raw})
+
+
+class RunningNodeTest(RosTest):
+    """With a roscore of its own."""
+
+    def launch(self, *arguments):
+        process = self.host.start(["roslaunch", PACKAGE, "stereo_odometry.launch", *arguments],
+                                  "launch")
+        self.addCleanup(self.host.end, process)
+
+    def first_message(self, topic):
+        """The first odometry there, while a camera publishes in /stereo."""
+        messages = []
+        subscriber = rospy.Subscriber(topic, Odometry, messages.append)
+        self.addCleanup(subscriber.unregister)
+        self.assertTrue(wait_until(lambda: messages), f"nothing comes on {topic}; "
+                        + self.host.log("launch")[-3000:])
+        return messages[0]
+
+    def test_example_for_robot_localization(self):
+        path = os.path.join(REPOSITORY, "config", "examples", "robot_localization.yaml")
+        with open(path, encoding="utf-8") as file:
+            example = yaml.safe_load(file)
+        self.launch("publish_tf:=false")
+        self.start_camera("/stereo")
+        message = self.first_message(example["odom0"])
+        self.assertEqual(message.header.frame_id, example["odom_frame"])
+        self.assertEqual(message.child_frame_id, example["base_link_frame"])
+        self.assertIn(example["world_frame"], (example["odom_frame"], example.get("map_frame")))
+        self.assertEqual(len(example["odom0_config"]), 15)
+
+    def test_names_in_the_readme(self):
+        self.launch()
+        self.start_camera("/stereo")
+        self.first_message("/stereo/odom")
+        master = rosgraph.Master("/test")
+        published, subscribed, services = master.getSystemState()
+        has = {"pub": {name for name, _ in published}, "sub": {name for name, _ in subscribed},
+               "srv": {name for name, _ in services}}
+        types = dict(master.getTopicTypes())
+        rows = re.findall(r"^\| (pub|sub|srv) \| (.*?) \| (.*?) \|", readme(), re.MULTILINE)
+        self.assertGreater(len(rows), 15)
+        for kind, names, type_name in rows:
+            names = re.findall("`(.*?)`", names)
+            first = names[0].rpartition("/")[0]
+            for name in names:
+                # `stereo_odometry/reset`, `pause`: the folder is that of the first one.
+                name = name if "/" in name or not first or kind == "sub" else f"{first}/{name}"
+                name = name if name.startswith("/") else "/stereo/" + name
+                self.assertIn(name, has[kind])
+                if kind != "srv" and "/" in type_name:
+                    self.assertEqual(types[name], type_name, name)
+
+    def test_node_by_rosrun_as_in_the_readme(self):
+        # The lines of the block, with a bag that is played beside it.
+        block = re.search(r"((?:^    .*\n)*^    .*rosrun point_line_odometry stereo_odometry.*\n)",
+                          readme(), re.MULTILINE).group(1)
+        *before, start = [line.strip() for line in block.splitlines()]
+        folder = tempfile.mkdtemp(prefix="point_line_first_steps_")
+        self.addCleanup(shutil.rmtree, folder)
+        make_kitti(os.path.join(folder, "kitti"))
+        bag = os.path.join(folder, "kitti.bag")
+        self.assertEqual(run("dataset_to_bag", os.path.join(folder, "kitti"), bag).returncode, 0)
+        self.addCleanup(rospy.delete_param, "/use_sim_time")
+        self.addCleanup(rospy.delete_param, "/stereo/stereo_odometry")
+        for line in before:
+            result = shell(line, self.host.environment)
+            self.assertEqual((result.returncode, result.stderr), (0, ""), line)
+        self.assertTrue(rospy.get_param("/use_sim_time"))
+        node = self.host.start(["bash", "-c", start], "launch")
+        self.addCleanup(self.host.end, node)
+        player = self.host.start(["rosbag", "play", "--clock", "--quiet", "--delay=3",
+                                  bag], "player")
+        self.addCleanup(self.host.end, player)
+        self.assertEqual(self.first_message("/stereo/odom").header.frame_id, "odom")
+
+
+if __name__ == "__main__":
+    unittest.main()
