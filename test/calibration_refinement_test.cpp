@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <optional>
+#include <vector>
 
 #include "synthetic_scene.h"
 
@@ -38,7 +40,7 @@ class DistortedDrive {
   }
 
   /// A frame's motion, estimated from what the camera sees with the correction so far.
-  void addMotion(double share_of_new = 1.0) {
+  void addMotion(const std::optional<double>& share_of_new = 1.0) {
     const Isometry3d truth = synthetic::transform(
         {random_.uniform(-0.02, 0.02), random_.uniform(-0.05, 0.05), random_.uniform(-0.02, 0.02)},
         {random_.uniform(-0.1, 0.1), random_.uniform(-0.1, 0.1), random_.uniform(-1.2, -0.6)});
@@ -146,6 +148,23 @@ TEST(CalibrationRefinement, FramesCountByTheSquareOfWhatIsNewInThem) {
   EXPECT_GT(little.norm(), 0.0);
   EXPECT_TRUE(learnt(0.0003).isApprox(9.0 * little, 1e-2));
   EXPECT_LT(learnt(0.1).norm(), 0.5 * learnt(1.0).norm());
+}
+
+/// As the first frame of a map: it counts as much as the next one.
+TEST(CalibrationRefinement, AFrameOfWhichNobodyKnowsWhatIsNewWaitsForTheNextOne) {
+  constexpr double kShare = 0.0001;  // so little that the correction does not change what is seen
+  const auto learnt = [](const std::vector<std::optional<double>>& shares) {
+    DistortedDrive drive(9);
+    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+    for (const auto& share : shares) drive.addMotion(share);
+    return drive.refinement.correction().u;
+  };
+  EXPECT_EQ(learnt({std::nullopt}), RightImageCorrection::Coefficients::Zero());
+  EXPECT_TRUE(learnt({std::nullopt, kShare}).isApprox(learnt({kShare, kShare}), 1e-3));
+  EXPECT_FALSE(learnt({std::nullopt, kShare}).isApprox(learnt({kShare}), 0.1)) << "it counts";
+  EXPECT_TRUE(
+      learnt({std::nullopt, kShare, kShare}).isApprox(learnt({kShare, kShare, kShare}), 1e-3))
+      << "once";
 }
 
 TEST(CalibrationRefinement, ConvergesFromBothSides) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <tuple>
+#include <vector>
 
 #include "point_line_odometry/motion.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -64,9 +66,10 @@ class CalibrationRefinement {
   /// One frame's motion: residuals of the inlier points, after the solution. \param share_of_new of
   /// the features seen, 0 ... 1. It weighs the frame by its square: points seen again repeat their
   /// errors, and those that all points have in common bias the disparity the more the less the
-  /// camera has moved.
+  /// camera has moved. Nothing where it is not known, as for the first motion of a map: then that
+  /// of the next motion is taken.
   void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
-                 const MotionParameters& parameters, double share_of_new);
+                 const MotionParameters& parameters, const std::optional<double>& share_of_new);
 
   /// What it has learned, for StereoOdometry::saveState(); the camera is given.
   auto state();
@@ -89,16 +92,26 @@ class CalibrationRefinement {
     auto state() { return std::tie(prior, information, vector); }
   };
 
+  /// What one motion says of the coefficients, in information form.
+  struct Evidence {
+    Information information = Information::Zero();
+    Coefficients vector = Coefficients::Zero();
+    auto state() { return std::tie(information, vector); }
+  };
+
+  void add(const Evidence& evidence, double share_of_new);
+
   StereoCamera camera_;
   RightImageCorrection correction_;
   Belief u_;
   Belief v_;
+  std::optional<Evidence> waiting_;  // of a motion whose share of new features is not known yet
 };
 
 inline auto CalibrationRefinement::state() {
-  auto& [camera, correction, u, v] = *this;
+  auto& [camera, correction, u, v, waiting] = *this;
   static_cast<void>(camera);
-  return std::tie(correction, u, v);
+  return std::tie(correction, u, v, waiting);
 }
 
 }  // namespace point_line_odometry

@@ -77,7 +77,8 @@ void CalibrationRefinement::addRows(const std::vector<RowSample>& samples, doubl
 
 void CalibrationRefinement::addMotion(const Correspondences& correspondences,
                                       const MotionEstimate& motion,
-                                      const MotionParameters& parameters, double share_of_new) {
+                                      const MotionParameters& parameters,
+                                      const std::optional<double>& share_of_new) {
   Matrix6d by_motion = Matrix6d::Zero();
   Information by_terms = Information::Zero();
   Eigen::Matrix<double, RightImageCorrection::kTerms, 6> mixed =
@@ -115,8 +116,15 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
   const Information information = by_terms - mixed * solver.solve(mixed.transpose());
   const Coefficients vector = terms_vector - mixed * solver.solve(motion_vector);
   if (!information.allFinite() || !vector.allFinite()) return;
+  const Evidence evidence{information, information * correction_.u + vector};
+  if (share_of_new && waiting_) add(*waiting_, *share_of_new);
+  waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
+  if (share_of_new) add(evidence, *share_of_new);
+}
+
+void CalibrationRefinement::add(const Evidence& evidence, double share_of_new) {
   const double weight = share_of_new * share_of_new;
-  u_.add(weight * information, weight * (information * correction_.u + vector).eval());
+  u_.add(weight * evidence.information, weight * evidence.vector);
   correction_.u = u_.mean();
 }
 

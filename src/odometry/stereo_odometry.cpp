@@ -391,8 +391,9 @@ void StereoOdometry::Impl::refineRows(const StereoFrame& curr) {
 }
 
 void StereoOdometry::Impl::refineDisparities(const MotionMeasurement& measurement) {
-  const double share_of_new = history_.map ? history_.map->shareOfNew() : kShareOfNewWithoutMap;
-  if (share_of_new == 1.0) return;  // the map has just begun: what is new is not known
+  std::optional<double> share_of_new = kShareOfNewWithoutMap;
+  if (history_.map) share_of_new = history_.map->shareOfNew();
+  if (share_of_new == 1.0) share_of_new.reset();  // the map has just begun
   refinement_.addMotion(measurement.correspondences, measurement.direct, parameters_.motion,
                         share_of_new);
 }
