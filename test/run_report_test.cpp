@@ -25,6 +25,17 @@ TEST(RunReport, SummaryHasTheSumOfTheFailedWindows) {
   EXPECT_TRUE(contains(summary, "\"failed_windows\": 3,")) << summary;
 }
 
+TEST(RunReport, SummaryAndTableSayWhichDetectorsRan) {
+  RunInfo info;
+  info.line_detector = "lsd";
+  info.point_descriptor = "orb";
+  const std::string summary = formatSummaryJson({}, info);
+  EXPECT_NE(summary.find("\"line_detector\": \"lsd\","), std::string::npos) << summary;
+  EXPECT_NE(summary.find("\"point_descriptor\": \"orb\","), std::string::npos) << summary;
+  const std::string table = formatTable({}, info);
+  EXPECT_NE(table.find("line detector: lsd; point descriptor: orb\n"), std::string::npos) << table;
+}
+
 TEST(RunReport, FailedWindowsAreAColumnOfTheFrames) {
   FrameCounts counts;
   counts.failed_windows = 2;

@@ -7,6 +7,7 @@
 #include "features/edge_chains.h"
 #include "features/edge_map.h"
 #include "features/line_fit.h"
+#include "features/longest_segments.h"
 
 namespace point_line_odometry {
 namespace {
@@ -173,11 +174,7 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
       scratch_->places.push_back(subpixel(gradient, map.column(i), map.row(i)));
     addSegments(gradient, &segments);
   }
-  std::stable_sort(
-      segments.begin(), segments.end(),
-      [](const LineSegment& a, const LineSegment& b) { return a.length() > b.length(); });
-  if (static_cast<int>(segments.size()) > parameters_.max_count)
-    segments.resize(parameters_.max_count);
+  keepLongest(parameters_.max_count, &segments);
   return segments;
 }
 
