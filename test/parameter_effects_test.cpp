@@ -144,6 +144,18 @@ std::ostream& operator<<(std::ostream& stream, const Case& test_case) {
 
 void frameToFrame(Parameters* p) { p->window.size = 0; }
 
+/// The fusion solves with outliers or without them, too.
+void withoutFusion(Parameters* p) {
+  frameToFrame(p);
+  p->motion.fuse_rotation = "never";
+}
+
+/// The calibration is not learnt from whole pixels, which is not what is looked for.
+void withoutRefinement(Parameters* p) {
+  frameToFrame(p);
+  p->tracking.refine_calibration = false;
+}
+
 /// Every frame is a keyframe, and soon leaves the window.
 void manyKeyframes(Parameters* p) {
   p->window.keyframe_overlap = 0.95;
@@ -190,7 +202,7 @@ const std::vector<Case>& cases() {
       {"matching/min_line_length_ratio", [](P p) { p->matching.min_line_length_ratio = 0.97; },
        drive, frameToFrame},
       {"matching/refine_subpixel", [](P p) { p->matching.refine_subpixel = false; }, drive,
-       frameToFrame},
+       withoutRefinement},
       {"matching/wide_search", [](P p) { p->matching.wide_search = false; }, turn, frameToFrame},
       {"motion/residual_images", [](P p) { p->motion.residual_images = "left"; }, drive,
        frameToFrame},
@@ -204,7 +216,7 @@ const std::vector<Case>& cases() {
        frameToFrame},
       {"motion/huber_delta", [](P p) { p->motion.huber_delta = 0.5; }, drive, frameToFrame},
       {"motion/remove_outliers", [](P p) { p->motion.remove_outliers = false; }, drive,
-       frameToFrame},
+       withoutFusion},
       {"motion/outlier_threshold", [](P p) { p->motion.outlier_threshold = 1.0; }, drive,
        frameToFrame},
       {"motion/solve_near_prediction", [](P p) { p->motion.solve_near_prediction = false; },

@@ -165,7 +165,8 @@ class StereoOdometry {
 
   /// Takes other parameters from the next frame on; the motion goes on, landmarks are kept unless
   /// `window` or `local_map` changes. Another size of images (`tracking/max_megapixels`) or
-  /// `points/descriptor` is a new reference: the pose is kept. Throws like the constructor, and changes nothing then.
+  /// `points/descriptor` is a new reference: the pose is kept. Throws like the constructor, and
+  /// changes nothing then.
   void setParameters(const Parameters& parameters);
 
   /// All that earlier frames have left for the next ones, as bytes: after a hundred frames of KITTI

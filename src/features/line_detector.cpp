@@ -64,8 +64,9 @@ class AcrossGradient {
 
  private:
   int index(float x, float y) const {
+    // NOLINTNEXTLINE(bugprone-incorrect-roundings): lround takes longer, and places are positive
     const int column = static_cast<int>(x + 0.5F);
-    const int row = static_cast<int>(y + 0.5F);
+    const int row = static_cast<int>(y + 0.5F);  // NOLINT(bugprone-incorrect-roundings): likewise
     const bool inside = x >= -0.5F && y >= -0.5F && column < width_ && row < height_;
     return inside ? row * width_ + column : -1;
   }

@@ -64,8 +64,8 @@ class Diagnostics {
   double latency_ms_ = 0.0;
   double feature_budget_ = 1.0;
   std::optional<LineDetectorKind> line_detector_;  // of the last frame
-  std::uint64_t failed_windows_ = 0;  // of keyframes, without a solution
-  std::deque<double> process_ms_;     // of the latest frames
+  std::uint64_t failed_windows_ = 0;               // of keyframes, without a solution
+  std::deque<double> process_ms_;                  // of the latest frames
   std::vector<DoctorLine> examination_;
   std::string problem_;         // of the last frame, empty if there is none
   std::string silence_;         // why no images come, empty if they do
