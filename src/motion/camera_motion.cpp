@@ -29,7 +29,7 @@ MotionEstimate estimateCameraMotion(const Correspondences& correspondences,
                                     const StereoCamera& camera,
                                     const Eigen::Isometry3d& T_curr_prev_predicted, double dt_s,
                                     const MotionParameters& parameters) {
-  const MotionEstimate of_most =
+  MotionEstimate of_most =
       estimateMotion(correspondences, camera, T_curr_prev_predicted, parameters);
   if (!parameters.solve_near_prediction || plausible(of_most, T_curr_prev_predicted, dt_s))
     return of_most;
