@@ -125,7 +125,7 @@ def describe_method(parameters: Dict[str, str]) -> str:
     words = [' and '.join(kinds)]
     if parameters['window/size'] == '0':
         words.append('frame to frame')
-        if parameters['motion/fuse_rotation'] == 'true':
+        if parameters['motion/fuse_rotation'] != 'never':
             words.append('rotation fused')
     else:
         words.append(f'landmarks, window of {parameters["window/size"]} keyframes')

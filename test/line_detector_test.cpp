@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 
 #include "matching/descriptor_distance.h"
+#include "point_line_odometry/lsd_detector.h"
+#include "point_line_odometry/stereo_feature_detector.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -375,6 +377,92 @@ TEST(DescribeLines, ReachesBeyondTheImageWithoutHarm) {
                                           {{10.0F, 10.0F}, {10.0F, 10.0F}}};
   EXPECT_EQ(describeLines(gradientOf(image), segments).size(), 4U);
   EXPECT_TRUE(describeLines(gradientOf(image), {}).empty());
+}
+
+// --- OpenCV's LSD
+
+class LsdDetectorTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!LsdDetector::isAvailable()) GTEST_SKIP() << "this OpenCV has no line segment detector";
+  }
+
+  static std::vector<LineSegment> detectLsd(const cv::Mat& image,
+                                            const LineParameters& parameters = {}) {
+    return LsdDetector(parameters).detect(image);
+  }
+};
+
+TEST_F(LsdDetectorTest, FindsEdgesAtEveryAngleWithTheBrighterSideOnTheRightHand) {
+  Vector2d sum = Vector2d::Zero();  // of the offsets from the edge
+  for (int degrees = 0; degrees < 360; degrees += 10) {
+    const double angle = (degrees + 0.7) * M_PI / 180.0;
+    const Vector2d normal(std::cos(angle), std::sin(angle));
+    const std::vector<LineSegment> segments = detectLsd(halfPlane(angle));
+    ASSERT_FALSE(segments.empty()) << degrees;
+    const LineSegment& longest = segments[0];
+    const double offset = normal.dot(longest.middle().cast<double>() - kMiddle);
+    EXPECT_LT(std::abs(offset), 0.3) << degrees;
+    sum += 2.0 / 36.0 * offset * normal;
+    EXPECT_GT(longest.length(), 100.0F) << degrees;
+    const Vector2d right_hand(-longest.direction().y(), longest.direction().x());
+    EXPECT_GT(right_hand.dot(normal), 0.999) << degrees;
+  }
+  EXPECT_LT(sum.norm(), 0.07) << "edges are where they are: " << sum.transpose();
+}
+
+TEST_F(LsdDetectorTest, KeepsTheLongestThatAreLongEnough) {
+  LineParameters parameters;
+  const cv::Mat image = synthetic::frame(0).left;
+  const std::vector<LineSegment> all = detectLsd(image, parameters);
+  ASSERT_GT(all.size(), 20U);
+  EXPECT_TRUE(std::is_sorted(all.begin(), all.end(),
+                             [](const auto& a, const auto& b) { return a.length() > b.length(); }));
+  EXPECT_GE(all.back().length(), parameters.min_length_px);
+  parameters.max_count = 10;
+  EXPECT_EQ(detectLsd(image, parameters).size(), 10U);
+  parameters = {};
+  parameters.min_length_px = all[10].length();
+  EXPECT_EQ(detectLsd(image, parameters).size(), 11U);
+}
+
+TEST_F(LsdDetectorTest, SmallAndPlainImagesHaveNone) {
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(2, 9), cv::Size(9, 2), cv::Size(60, 40)}) {
+    EXPECT_TRUE(detectLsd(cv::Mat(size, CV_8UC1, cv::Scalar(90))).empty()) << size;
+  }
+}
+
+TEST(LineDetectorKind, IsWhatIsAskedForOrStandsInItsPlace) {
+  const auto kind = [](const char* detector, bool available) {
+    LineParameters parameters;
+    parameters.detector = detector;
+    return std::string(toString(lineDetectorKind(parameters, [=] { return available; })));
+  };
+  EXPECT_EQ(kind("edge_chains", true), "edge_chains");
+  EXPECT_EQ(kind("edge_chains", false), "edge_chains");
+  EXPECT_EQ(kind("lsd_or_edge_chains", true), "lsd");
+  EXPECT_EQ(kind("lsd_or_edge_chains", false), "edge_chains");
+  EXPECT_EQ(kind("lsd", true), "lsd");
+  EXPECT_EQ(kind("lsd", false), "lsd") << "checkParameters() refuses it; nothing takes its place";
+  LineParameters off;
+  off.enabled = false;
+  EXPECT_STREQ(toString(lineDetectorKind(off, [] { return true; })), "none");
+}
+
+TEST(LineDetectorKind, ThatRanIsTold) {
+  LineParameters parameters;
+  parameters.detector = "lsd_or_edge_chains";
+  StereoFeatureDetector detector({}, parameters);
+  ThreadPool threads(2);
+  const DetectedFeatures features = detector.detect(synthetic::frame(0), &threads);
+  const cv::Mat& image = synthetic::frame(0).left;
+  const bool lsd = LsdDetector::isAvailable();
+  EXPECT_EQ(detector.lineDetector(), lsd ? LineDetectorKind::kLsd : LineDetectorKind::kEdgeChains);
+  const std::vector<LineSegment> expected =
+      lsd ? LsdDetector(parameters).detect(image) : detect(image, parameters);
+  ASSERT_EQ(features.lines_left.size(), expected.size());
+  for (std::size_t i = 0; i < expected.size(); ++i)
+    EXPECT_EQ(features.lines_left[i].segment.start, expected[i].start);
 }
 
 }  // namespace

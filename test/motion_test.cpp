@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <limits>
@@ -213,6 +214,36 @@ TEST(EstimateMotion, RemovesOutliers) {
   }
 }
 
+/// Outliers that all pull to one side: kept, they are bounded by Huber's kernel alone.
+TEST(EstimateMotion, OutliersMayBeKept) {
+  MatchOptions options{100, 0};
+  options.noise_px = options.sigma_px = 0.3;
+  Correspondences mixed = synthetic::matches(synthetic::camera(), synthetic::motion(), options, 3);
+  for (int i = 0; i < 20; ++i) mixed.points[i].left_px.y() += 10.0;
+  MotionParameters parameters;
+  parameters.residual_images = "left";
+  const MotionEstimate removed =
+      estimateMotion(mixed, synthetic::camera(), synthetic::motion(), parameters);
+  parameters.remove_outliers = false;
+  const MotionEstimate kept =
+      estimateMotion(mixed, synthetic::camera(), synthetic::motion(), parameters);
+  ASSERT_TRUE(removed.ok() && kept.ok());
+  // A fifth of the pixels lie lower: the scene seems to have turned to there, about +x backwards.
+  const Vector3d pulled =
+      synthetic::logarithm(kept.T_curr_prev.linear() * removed.T_curr_prev.linear().transpose());
+  EXPECT_GT(std::abs(pulled.x()), 3.0 * std::abs(pulled.y()));
+  EXPECT_LT(rotationError(removed.T_curr_prev, synthetic::motion()),
+            0.7 * rotationError(kept.T_curr_prev, synthetic::motion()));
+  // They are told from the others nevertheless.
+  EXPECT_EQ(std::count(kept.point_inliers.begin(), kept.point_inliers.begin() + 20, true), 0);
+  EXPECT_GT(kept.num_point_inliers, 70);
+  // Nothing is solved for a second time: far fewer outliers do not change the answer of the rest.
+  parameters.outlier_threshold = 6.0;
+  const MotionEstimate laxer =
+      estimateMotion(mixed, synthetic::camera(), synthetic::motion(), parameters);
+  EXPECT_EQ(laxer.T_curr_prev.matrix(), kept.T_curr_prev.matrix());
+}
+
 TEST(EstimateMotion, TooFewMatches) {
   const MotionEstimate none = estimateMotion({}, synthetic::camera(), Isometry3d::Identity(), {});
   EXPECT_EQ(none.status, MotionStatus::kTooFewMatches);
@@ -351,6 +382,26 @@ TEST(FuseRotation, FarOffRotationKeepsTheDirectEstimate) {
   const MotionEstimate fused =
       fuseRotation(direct, far_off, Isometry3d::Identity(), exact, synthetic::camera(), {});
   expectMotion(fused, synthetic::motion(), 1e-6);
+}
+
+TEST(FuseRotation, TheTranslationComesFromAllMatchesWhereOutliersAreKept) {
+  Correspondences mixed = synthetic::matches(synthetic::camera(), synthetic::motion(), {80, 0}, 16);
+  for (int i = 0; i < 20; ++i) mixed.points[i].left_px.y() += 10.0;
+  MotionParameters parameters;
+  parameters.residual_images = "left";
+  MotionEstimate direct;
+  direct.status = MotionStatus::kOk;
+  direct.T_curr_prev = synthetic::motion();
+  const auto fused = [&] {
+    return fuseRotation(direct, synthetic::motion(), Isometry3d::Identity(), mixed,
+                        synthetic::camera(), parameters);
+  };
+  expectMotion(fused(), synthetic::motion(), 1e-6);
+  parameters.remove_outliers = false;
+  const MotionEstimate kept = fused();
+  ASSERT_TRUE(kept.ok());
+  EXPECT_GT(kept.T_curr_prev.translation().y() - synthetic::motion().translation().y(), 0.001);
+  EXPECT_EQ(kept.num_point_inliers, 60);
 }
 
 }  // namespace

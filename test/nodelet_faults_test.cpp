@@ -207,14 +207,19 @@ class NodeletFaultsTest : public ::testing::Test {
     return found == statuses_.end() ? "nothing" : found->second.message;
   }
 
-  int counted(const std::string& status, const std::string& key) const {
+  std::string valueOf(const std::string& status, const std::string& key) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     const auto found = statuses_.find(status);
-    if (found == statuses_.end()) return -1;
+    if (found == statuses_.end()) return "";
     for (const auto& entry : found->second.values) {
-      if (entry.key == key) return std::stoi(entry.value);
+      if (entry.key == key) return entry.value;
     }
-    return -1;
+    return "";
+  }
+
+  int counted(const std::string& status, const std::string& key) const {
+    const std::string value = valueOf(status, key);
+    return value.empty() ? -1 : std::stoi(value);
   }
 
   static constexpr int kError = diagnostic_msgs::DiagnosticStatus::ERROR;
@@ -324,6 +329,7 @@ TEST_P(RefusedTest, IsNamedCountedAndPassedOver) {
   EXPECT_TRUE(says("tracking", kError, GetParam().words)) << said("tracking");
   EXPECT_EQ(counted("tracking", "frames rejected"), 1);
   EXPECT_EQ(counted("tracking", "failed windows"), 0);
+  EXPECT_EQ(valueOf("tracking", "line detector"), "edge_chains");
   EXPECT_EQ(numOdometries(), answers);
   const OdometryInfo info = drive(4, 6);
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;

@@ -103,7 +103,7 @@ TEST_F(ParametersTest, EveryMemberIsInTheTableOnce) {
   const Table table = tableOf({});
   EXPECT_EQ(std::set<std::string>(table.names.begin(), table.names.end()).size(),
             table.names.size());
-  EXPECT_EQ(table.names.size(), 52U)
+  EXPECT_EQ(table.names.size(), 57U)
       << "a parameter came or went: put it here, into the table and into the files";
 }
 
@@ -165,6 +165,9 @@ TEST_F(ParametersTest, EveryParameterIsLoaded) {
     std::string other = old == "true"                   ? "false"
                         : old == "false"                ? "true"
                         : old == "both"                 ? "left"
+                        : old == "brief"                ? "orb"
+                        : old == "edge_chains"          ? "lsd_or_edge_chains"
+                        : old == "without_landmarks"    ? "never"
                         : name == "points/scale_factor" ? "1.5"  // 2 is its upper limit
                                                         : "";
     if (other.empty()) {
@@ -280,6 +283,20 @@ TEST(ConfigFiles, DefaultYamlNamesEveryParameterWithItsDefault) {
   for (const std::string& name : defaults.names) {
     EXPECT_EQ(in_file.values.at(name), defaults.values.at(name)) << name;
     EXPECT_EQ(std::count(names.begin(), names.end(), name), 1) << name;
+  }
+}
+
+/// Of these the method does not depend: parameter_effects_test tries that.
+const std::set<std::string> kNotOfThePaper{"window/keyframe_overlap",    "window/points_per_cell",
+                                           "window/max_iterations",      "local_map/size",
+                                           "local_map/search_radius_px", "tracking/threads",
+                                           "tracking/relocalization_s"};
+
+TEST(ConfigFiles, PaperYamlNamesAllThatTheMethodDependsOn) {
+  const std::vector<std::string> names = namesIn(kConfig / "paper.yaml");
+  for (const std::string& name : tableOf({}).names) {
+    EXPECT_EQ(std::count(names.begin(), names.end(), name), 1 - kNotOfThePaper.count(name))
+        << name << ": a changed default would change the paper's method";
   }
 }
 

@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <map>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "features/fast_corners.h"
 #include "matching/descriptor_distance.h"
@@ -379,6 +382,60 @@ TEST(PointDetector, PartOfALargerImageIsAnImage) {
   const std::vector<PointFeature> b = PointDetector({}).detect(part.clone());
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].descriptor, b[i].descriptor);
+}
+
+// --- The learnt pattern
+
+TEST(PointDetector, OrbDescribesAsOpenCvDoes) {
+  const cv::Mat image = texture(320, 240, 7);
+  PointParameters parameters;
+  parameters.levels = 3;
+  const std::vector<PointFeature> random = PointDetector(parameters).detect(image);
+  parameters.descriptor = "orb";
+  const std::vector<PointFeature> learnt = PointDetector(parameters).detect(image);
+  ASSERT_GT(learnt.size(), 100U);
+  ASSERT_EQ(learnt.size(), random.size());
+  const ImagePyramid pyramid(image, parameters);
+  const cv::Ptr<cv::ORB> orb = cv::ORB::create(500, 1.2F, 1, 5);
+  std::set<int> octaves;
+  for (std::size_t i = 0; i < learnt.size(); ++i) {
+    const PointFeature& feature = learnt[i];
+    EXPECT_EQ(feature.pixel, random[i].pixel);
+    EXPECT_NE(feature.descriptor, random[i].descriptor);
+    octaves.insert(feature.octave);
+    const Vector2f place = pyramid.toLevel(feature.pixel, feature.octave);
+    std::vector<cv::KeyPoint> point{{std::round(place.x()), std::round(place.y()), 31.0F,
+                                     feature.angle_rad * static_cast<float>(180.0 / CV_PI),
+                                     feature.response, 0}};
+    cv::Mat expected;
+    orb->compute(pyramid.levels[static_cast<std::size_t>(feature.octave)], point, expected);
+    ASSERT_EQ(expected.rows, 1);
+    Descriptor bits{};
+    std::memcpy(bits.data(), expected.ptr(0), sizeof(bits));
+    EXPECT_LE(hammingDistance(feature.descriptor, bits), 2) << i;
+  }
+  EXPECT_EQ(octaves.size(), 3U);
+}
+
+TEST(PointDetector, OrbIsTheSameInATurnedImage) {
+  PointParameters parameters = oneLevel();
+  parameters.descriptor = "orb";
+  const cv::Mat image = texture(240, 240, 8);
+  cv::Mat turned;
+  cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE);
+  const std::vector<PointFeature> before = PointDetector(parameters).detect(image);
+  const std::vector<PointFeature> after = PointDetector(parameters).detect(turned);
+  int same = 0;
+  int bits = 0;
+  for (const PointFeature& feature : before) {
+    const Vector2f there(239.0F - feature.pixel.y(), feature.pixel.x());
+    const PointFeature* found = nearest(after, there);
+    if ((found->pixel - there).norm() > 0.5F) continue;
+    bits += hammingDistance(feature.descriptor, found->descriptor);
+    ++same;
+  }
+  EXPECT_GT(same, 50);
+  EXPECT_LT(bits, 40 * same) << "different places differ in 128";
 }
 
 }  // namespace

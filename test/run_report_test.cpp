@@ -49,5 +49,16 @@ INSTANTIATE_TEST_SUITE_P(
                       CountCase{"relocalizations", &FrameCounts::relocalizations}),
     [](const auto& info) { return std::string(info.param.name); });
 
+TEST(RunReport, SummaryAndTableSayWhichDetectorsRan) {
+  RunInfo info;
+  info.line_detector = "lsd";
+  info.point_descriptor = "orb";
+  const std::string summary = formatSummaryJson({}, info);
+  EXPECT_NE(summary.find("\"line_detector\": \"lsd\","), std::string::npos) << summary;
+  EXPECT_NE(summary.find("\"point_descriptor\": \"orb\","), std::string::npos) << summary;
+  const std::string table = formatTable({}, info);
+  EXPECT_NE(table.find("line detector: lsd; point descriptor: orb\n"), std::string::npos) << table;
+}
+
 }  // namespace
 }  // namespace point_line_odometry

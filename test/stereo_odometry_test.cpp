@@ -188,14 +188,24 @@ TEST(StereoOdometry, LinesOnly) {
 }
 
 TEST(StereoOdometry, PaperMode) {
-  Parameters parameters;
-  parameters.motion.residual_images = "left";
-  parameters.motion.fuse_rotation = true;
-  parameters.tracking.refine_calibration = false;
-  const std::vector<FrameResult> results = run(parameters);
-  expectTheDrive(results, 0.03, 0.006);
+  const std::vector<FrameResult> results =
+      run(loadParameters(TEST_REPOSITORY_DIR "/config/paper.yaml"));
+  expectTheDrive(results, 0.06, 0.01);
   EXPECT_EQ(results[1].times[Stage::kFuse], 0.0);  // there is no frame k-2 yet
   EXPECT_GT(results[2].times[Stage::kFuse], 0.0);
+}
+
+TEST(StereoOdometry, RotationsAreFusedWhereThereAreNoLandmarks) {
+  for (const char* when : {"never", "without_landmarks", "always"}) {
+    for (const int size : {0, 5}) {
+      Parameters parameters;
+      parameters.motion.fuse_rotation = when;
+      parameters.window.size = size;
+      const bool expected =
+          std::string(when) == "always" || (std::string(when) != "never" && size == 0);
+      EXPECT_EQ(run(parameters).back().times[Stage::kFuse] > 0.0, expected) << when << size;
+    }
+  }
 }
 
 TEST(StereoOdometry, OtherOptionsRun) {
@@ -350,7 +360,7 @@ TEST(StereoOdometry, OtherParametersDoNotStopTheMotion) {
   no_window.window.size = 0;
   larger_window.window.size = 7;
   more_levels.points.levels = 3;
-  two_frames.motion.fuse_rotation = true;
+  two_frames.motion.fuse_rotation = "always";
   for (const Parameters& other : {points_only, no_window, larger_window, more_levels, two_frames}) {
     StereoOdometry odometry(kCamera, {});
     for (int k = 0; k < kFrames; ++k) {
@@ -373,6 +383,21 @@ TEST(StereoOdometry, OtherParametersKeepTheLandmarksUnlessTheyAreOfThem) {
     odometry.setParameters(other);
     EXPECT_EQ(odometry.process(frame(4)).counts.map_points == 0, of_landmarks);
   }
+}
+
+TEST(StereoOdometry, AnotherDescriptorIsANewReference) {
+  StereoOdometry odometry(kCamera, {});
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  const FrameResult before = odometry.process(frame(3));
+  Parameters other;
+  other.points.descriptor = "orb";
+  odometry.setParameters(other);
+  const FrameResult first = odometry.process(frame(4));
+  EXPECT_EQ(first.reason, TrackingReason::kFirstFrame) << "the old ones cannot be compared";
+  EXPECT_TRUE(first.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
+  const FrameResult next = odometry.process(frame(5));
+  EXPECT_EQ(next.state, TrackingState::kOk);
+  expectPose(next, before.T_odom_camera * truePose(4).inverse() * truePose(5), 0.02, 0.005);
 }
 
 // --- Saved and restored
@@ -429,7 +454,7 @@ TEST(StereoOdometryState, GoesOnWithTheSameBits) {
   expectTheSameFromEveryFrame(forgetful);
   Parameters frame_to_frame;
   frame_to_frame.window.size = 0;
-  frame_to_frame.motion.fuse_rotation = true;
+  frame_to_frame.motion.fuse_rotation = "always";
   expectTheSameFromEveryFrame(frame_to_frame);
 }
 

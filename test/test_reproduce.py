@@ -272,7 +272,7 @@ class ReproduceTest(unittest.TestCase):
         one = os.path.join(self.kitti, "sequences", "00")
         config = self.path("points.yaml")
         write(config, "lines:\n  enabled: false\nwindow:\n  size: 0\n"
-              "motion:\n  fuse_rotation: false\n")
+              "motion:\n  fuse_rotation: never\n")
         run = [one, "-", "-o", output, "--no-build", "--method"]
         result = reproduce(*run, "paper")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)

@@ -34,6 +34,12 @@ struct LineFeature {
   Descriptor descriptor{};
 };
 
+/// What finds the segments of a frame, see lines/detector.
+enum class LineDetectorKind { kNone, kEdgeChains, kLsd };
+
+/// Lower-case name, as the parameter has it.
+const char* toString(LineDetectorKind kind);
+
 /// Everything detected in one stereo frame; pixels of the rectified images.
 struct DetectedFeatures {
   std::vector<PointFeature> points_left;

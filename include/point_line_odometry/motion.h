@@ -89,8 +89,8 @@ struct MotionEstimate {
 };
 
 /// Minimises the point-line reprojection error in frame k (paper, eq. 7) by Levenberg-Marquardt
-/// with Huber kernels, removes outliers and solves again with the rest. \param T_curr_prev_initial
-/// where to start: the constant-velocity prediction.
+/// with Huber kernels, removes outliers and solves again with the rest (motion/remove_outliers).
+/// \param T_curr_prev_initial where to start: the constant-velocity prediction.
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,
                               const Eigen::Isometry3d& T_curr_prev_initial,
                               const MotionParameters& parameters);

@@ -6,7 +6,7 @@
 
 namespace point_line_odometry {
 
-/// Points: FAST corners, spread over the image by cells, with ORB descriptors.
+/// Points: FAST corners, spread over the image by cells, with orientation and binary descriptors.
 struct PointParameters {
   bool enabled = true;
   int cell_size_px = 50;
@@ -14,11 +14,13 @@ struct PointParameters {
   int levels = 7;
   double scale_factor = 1.4;
   int fast_threshold = 7;
+  std::string descriptor = "brief";
 };
 
-/// Lines: straight edges validated a contrario, with LBD descriptors.
+/// Lines: straight edges, with LBD descriptors.
 struct LineParameters {
   bool enabled = true;
+  std::string detector = "edge_chains";
   double min_length_px = 20.0;
   int max_count = 300;
   double min_gradient = 4.0;
@@ -39,19 +41,22 @@ struct MatchingParameters {
   double min_line_overlap = 0.5;
   double min_line_length_ratio = 0.5;
   bool refine_subpixel = true;
+  bool wide_search = true;
 };
 
 /// Triangulation, the point-line reprojection model and its solution.
 struct MotionParameters {
   std::string residual_images = "both";
-  bool fuse_rotation = false;
+  std::string fuse_rotation = "without_landmarks";
   double point_noise_px = 0.12;
   double line_noise_px = 0.08;
   double edge_noise_px = 0.45;
   bool adapt_noise = true;
   double min_line_angle_deg = 5.0;
   double huber_delta = 1.5;
+  bool remove_outliers = true;
   double outlier_threshold = 3.0;
+  bool solve_near_prediction = true;
   int max_iterations = 20;
   int min_matches = 8;
   int min_inliers = 6;
@@ -118,16 +123,22 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "ratio of size between pyramid levels");
   visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",
         "weakest contrast of a corner; a cell takes it only when it has no stronger ones");
+  visit("points/descriptor", p.points.descriptor, std::vector<std::string>{"brief", "orb"},
+        "pattern of the descriptor's comparisons: brief: drawn at random; orb: learnt, OpenCV's");
 
   visit("lines/enabled", p.lines.enabled, "use line segments");
+  visit("lines/detector", p.lines.detector,
+        std::vector<std::string>{"edge_chains", "lsd", "lsd_or_edge_chains"},
+        "edge_chains: this package's own; lsd: OpenCV's, which OpenCV 4.1.0 to 4.5.3 have not; "
+        "lsd_or_edge_chains: lsd where OpenCV has it");
   visit("lines/min_length_px", p.lines.min_length_px, 8.0, 500.0, "px",
         "shorter segments are dropped");
   visit("lines/max_count", p.lines.max_count, 1, 5000, "",
         "most segments kept in an image, the longest first");
   visit("lines/min_gradient", p.lines.min_gradient, 1.0, 255.0, "grey levels / px",
-        "weakest gradient of an edge");
+        "weakest gradient of an edge; edge_chains only");
   visit("lines/max_deviation_px", p.lines.max_deviation_px, 0.2, 5.0, "px",
-        "how far edge pixels may lie from their segment");
+        "how far edge pixels may lie from their segment; edge_chains only");
 
   visit("matching/max_disparity_px", p.matching.max_disparity_px, 1.0, 2000.0, "px",
         "largest disparity looked for; sets the nearest depth");
@@ -153,12 +164,17 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "length of the shorter line over that of the longer, at least");
   visit("matching/refine_subpixel", p.matching.refine_subpixel,
         "align matched points on the image to sub-pixels");
+  visit("matching/wide_search", p.matching.wide_search,
+        "where little is found near the prediction, match points over the whole image and take "
+        "the motion on which most of them agree as the prediction");
 
   visit("motion/residual_images", p.motion.residual_images,
         std::vector<std::string>{"left", "both"},
         "images of frame k whose residuals are minimised; the paper: left");
   visit("motion/fuse_rotation", p.motion.fuse_rotation,
-        "fuse the rotation with an estimate over two frames (paper, eq. 9-10)");
+        std::vector<std::string>{"never", "without_landmarks", "always"},
+        "fuse the rotation with an estimate over two frames (paper, eq. 9-10); without_landmarks: "
+        "where window/size is 0, as it gains nothing beside landmarks");
   visit("motion/point_noise_px", p.motion.point_noise_px, 0.01, 10.0, "px",
         "standard deviation of a point's pixel beyond what its patch shows");
   visit("motion/line_noise_px", p.motion.line_noise_px, 0.01, 10.0, "px",
@@ -172,8 +188,13 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "lines nearer to the epipolar direction are not triangulated");
   visit("motion/huber_delta", p.motion.huber_delta, 0.1, 100.0, "sigma",
         "residuals beyond it count linearly (paper, eq. 8)");
+  visit("motion/remove_outliers", p.motion.remove_outliers,
+        "solve a second time without the outliers; false: once with all matches (paper, eq. 7)");
   visit("motion/outlier_threshold", p.motion.outlier_threshold, 1.0, 100.0, "sigma",
-        "matches with a larger residual are removed before the second solution");
+        "matches with a larger residual are outliers");
+  visit("motion/solve_near_prediction", p.motion.solve_near_prediction,
+        "where a camera can hardly have made the motion on which most matches agree, solve with "
+        "those near the prediction alone");
   visit("motion/max_iterations", p.motion.max_iterations, 1, 200, "",
         "Levenberg-Marquardt steps of a solution");
   visit("motion/min_matches", p.motion.min_matches, 3, 1000, "",

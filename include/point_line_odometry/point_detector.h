@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -12,7 +13,7 @@ namespace point_line_odometry {
 
 /// ORB points (Rublee et al. 2011), spread over the image: FAST corners, the strongest of each cell
 /// (the paper's 50 x 50 px buckets), with orientation by intensity centroid and rotated BRIEF
-/// descriptors on a smoothed image.
+/// descriptors on a smoothed image, whose pattern points/descriptor chooses.
 class PointDetector {
  public:
   explicit PointDetector(const PointParameters& parameters);
@@ -32,6 +33,7 @@ class PointDetector {
   struct Scratch;
 
   void detectLevel(const cv::Mat& image, int octave, std::vector<PointFeature>* features);
+  void describe(const cv::Mat& image, std::size_t begin, std::vector<PointFeature>* features);
 
   PointParameters parameters_;
   std::unique_ptr<Scratch> scratch_;

@@ -167,7 +167,9 @@ class StereoOdometry {
   void setCamera(const StereoCamera& camera);
 
   /// Takes other parameters from the next frame on; the motion goes on, landmarks are kept unless
-  /// `window` or `local_map` changes. Throws like the constructor, and changes nothing then.
+  /// `window` or `local_map` changes. Another size of images (`tracking/max_megapixels`) or
+  /// `points/descriptor` is a new reference: the pose is kept. Throws like the constructor, and
+  /// changes nothing then.
   void setParameters(const Parameters& parameters);
 
   /// All that earlier frames have left for the next ones, as bytes: after a hundred frames of KITTI
@@ -182,6 +184,9 @@ class StereoOdometry {
 
   const StereoCamera& camera() const;
   const Parameters& parameters() const;
+
+  /// What finds the segments: what lines/detector asks for, or what stands in its place.
+  LineDetectorKind lineDetector() const;
 
   /// Displacement of the right image against its calibration, as estimated so far; in pixels of the
   /// images as they are processed (tracking/max_megapixels).

@@ -3,6 +3,7 @@
 #include <opencv2/core/version.hpp>
 
 #include "common/statistics.h"
+#include "point_line_odometry/lsd_detector.h"
 #include "tools/interruption.h"
 
 namespace point_line_odometry {
@@ -12,16 +13,7 @@ const char* const kNoYardstick =
 
 std::string openCvVersion() { return "OpenCV " CV_VERSION; }
 
-Yardstick::Yardstick() {
-  try {
-    const auto detector = cv::createLineSegmentDetector(cv::LSD_REFINE_STD);
-    cv::Mat lines;
-    detector->detect(cv::Mat::zeros(64, 64, CV_8UC1), lines);
-    detector_ = detector;
-  } catch (const cv::Exception&) {
-    detector_.release();
-  }
-}
+Yardstick::Yardstick() : detector_(createLsd()) {}
 
 std::vector<LineSegment> Yardstick::detect(const cv::Mat& image) const {
   std::vector<cv::Vec4f> lines;

@@ -7,6 +7,7 @@
 #include "features/edge_chains.h"
 #include "features/edge_map.h"
 #include "features/line_fit.h"
+#include "features/longest_segments.h"
 
 namespace point_line_odometry {
 namespace {
@@ -63,8 +64,9 @@ class AcrossGradient {
 
  private:
   int index(float x, float y) const {
+    // NOLINTNEXTLINE(bugprone-incorrect-roundings): lround takes longer, and places are positive
     const int column = static_cast<int>(x + 0.5F);
-    const int row = static_cast<int>(y + 0.5F);
+    const int row = static_cast<int>(y + 0.5F);  // NOLINT(bugprone-incorrect-roundings): likewise
     const bool inside = x >= -0.5F && y >= -0.5F && column < width_ && row < height_;
     return inside ? row * width_ + column : -1;
   }
@@ -173,11 +175,7 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
       scratch_->places.push_back(subpixel(gradient, map.column(i), map.row(i)));
     addSegments(gradient, &segments);
   }
-  std::stable_sort(
-      segments.begin(), segments.end(),
-      [](const LineSegment& a, const LineSegment& b) { return a.length() > b.length(); });
-  if (static_cast<int>(segments.size()) > parameters_.max_count)
-    segments.resize(parameters_.max_count);
+  keepLongest(parameters_.max_count, &segments);
   return segments;
 }
 

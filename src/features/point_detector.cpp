@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "features/cv_orb_descriptor.h"
 #include "features/fast_corners.h"
 #include "features/orb_descriptor.h"
 
@@ -64,6 +65,7 @@ struct PointDetector::Scratch {
   FastCorners corners;
   CellSelector selector;
   OrbDescriptor orb;
+  CvOrbDescriptor cv_orb;
   cv::Mat smooth;
 };
 
@@ -80,8 +82,7 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
   const double threshold = parameters_.fast_threshold * std::pow(kThresholdPerLevel, octave);
   const std::vector<FastCorner>& corners =
       scratch_->corners.detect(image, std::max(cvRound(threshold), 1), kBorder);
-  cv::GaussianBlur(image, scratch_->smooth, cv::Size(7, 7), 2.0, 2.0,
-                   cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
+  const std::size_t begin = features->size();
   for (const FastCorner& corner : scratch_->selector.select(corners, inside, parameters_)) {
     const cv::Point centre(corner.x, corner.y);
     PointFeature feature;
@@ -89,8 +90,25 @@ void PointDetector::detectLevel(const cv::Mat& image, int octave,
     feature.angle_rad = scratch_->orb.orientation(image, centre);
     feature.response = corner.score;
     feature.octave = octave;
-    feature.descriptor = scratch_->orb.describe(scratch_->smooth, centre, feature.angle_rad);
     features->push_back(feature);
+  }
+  describe(image, begin, features);
+}
+
+/// Descriptors of the features [begin, end of the list) of a level, whose pixels are still those of
+/// that level.
+void PointDetector::describe(const cv::Mat& image, std::size_t begin,
+                             std::vector<PointFeature>* features) {
+  if (parameters_.descriptor == "orb") {
+    scratch_->cv_orb.describe(image, begin, features);
+    return;
+  }
+  cv::GaussianBlur(image, scratch_->smooth, cv::Size(7, 7), 2.0, 2.0,
+                   cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
+  for (std::size_t i = begin; i < features->size(); ++i) {
+    PointFeature& feature = (*features)[i];
+    const cv::Point centre(cvRound(feature.pixel.x()), cvRound(feature.pixel.y()));
+    feature.descriptor = scratch_->orb.describe(scratch_->smooth, centre, feature.angle_rad);
   }
 }
 

@@ -5,13 +5,20 @@ namespace point_line_odometry {
 StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
                                              const LineParameters& lines)
     : points_enabled_(points.enabled),
-      lines_enabled_(lines.enabled),
+      line_detector_(lineDetectorKind(lines)),
       point_detectors_{PointDetector(points), PointDetector(points)},
-      line_stages_{LineStage{{}, LineDetector(lines)}, LineStage{{}, LineDetector(lines)}} {}
+      line_stages_{makeLineStage(lines), makeLineStage(lines)} {}
+
+StereoFeatureDetector::LineStage StereoFeatureDetector::makeLineStage(
+    const LineParameters& lines) const {
+  LineStage stage{{}, LineDetector(lines), std::nullopt};
+  if (line_detector_ == LineDetectorKind::kLsd) stage.lsd.emplace(lines);
+  return stage;
+}
 
 std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat& image) {
   computeGradient(image, &gradient);
-  const std::vector<LineSegment> segments = detector.detect(gradient);
+  const std::vector<LineSegment> segments = lsd ? lsd->detect(image) : edge_chains.detect(gradient);
   const std::vector<Descriptor> descriptors = describeLines(gradient, segments);
   std::vector<LineFeature> features;
   features.reserve(segments.size());
@@ -26,7 +33,7 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   threads->run(4, [&](int task) {
     const bool left = task % 2 == 0;
     const cv::Mat& image = left ? images.left : images.right;
-    if (task < 2 && lines_enabled_) {
+    if (task < 2 && line_detector_ != LineDetectorKind::kNone) {
       (left ? features.lines_left : features.lines_right) =
           line_stages_[left ? 0 : 1].detect(image);
     }

@@ -29,9 +29,10 @@ MotionEstimate estimateCameraMotion(const Correspondences& correspondences,
                                     const StereoCamera& camera,
                                     const Eigen::Isometry3d& T_curr_prev_predicted, double dt_s,
                                     const MotionParameters& parameters) {
-  const MotionEstimate of_most =
+  MotionEstimate of_most =
       estimateMotion(correspondences, camera, T_curr_prev_predicted, parameters);
-  if (plausible(of_most, T_curr_prev_predicted, dt_s)) return of_most;
+  if (!parameters.solve_near_prediction || plausible(of_most, T_curr_prev_predicted, dt_s))
+    return of_most;
   const MotionEstimate of_world =
       estimateMotionNearPrediction(correspondences, camera, T_curr_prev_predicted, parameters);
   return plausible(of_world, T_curr_prev_predicted, dt_s) ? of_world : of_most;

@@ -62,6 +62,12 @@ class MotionProblem {
     lines_.selectInliers(T_curr_prev, parameters_.outlier_threshold);
   }
 
+  /// Takes all that have a weight.
+  void selectAll() {
+    points_.selectAll();
+    lines_.selectAll();
+  }
+
   /// Takes the matches that are seen within a distance from where a motion puts them.
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     points_.selectNear(T_curr_prev, max_distance_px);
@@ -202,13 +208,15 @@ MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isom
   return estimate;
 }
 
-/// Solves with the matches that take part, removes outliers, and solves again.
+/// Solves with the matches that take part, removes outliers, and solves again. Where outliers are
+/// not removed, they are only told from the others.
 template <ResidualImages kImages>
 MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters& parameters,
                           MotionProblem<kImages>* problem) {
   const int matches = problem->numPoints() + problem->numLines();
   if (matches < parameters.min_matches) return failed(MotionStatus::kTooFewMatches, *problem, 0);
-  const auto first = problem->solve(start, {false, kCoarseTolerance});
+  const bool again = parameters.remove_outliers;
+  const auto first = problem->solve(start, {false, again ? kCoarseTolerance : kFineTolerance});
   if (!first.usable) return failed(MotionStatus::kSolverFailed, *problem, first.iterations);
   problem->linearizeWeights(first.T_curr_prev);
   problem->selectInliers(first.T_curr_prev);
@@ -216,6 +224,7 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   if (inliers < parameters.min_inliers || inliers < parameters.min_inlier_ratio * matches) {
     return failed(MotionStatus::kTooFewInliers, *problem, first.iterations);
   }
+  if (!again) return finished(*problem, first.T_curr_prev, first.iterations);
   const auto second = problem->solve(first.T_curr_prev, {false, kFineTolerance});
   const int iterations = first.iterations + second.iterations;
   if (!second.usable) return failed(MotionStatus::kSolverFailed, *problem, iterations);
@@ -244,8 +253,10 @@ MotionEstimate estimateTranslation(const MotionEstimate& direct, const Eigen::Is
   problem.selectInliers(start);
   const int inliers = problem.numPoints() + problem.numLines();
   if (inliers < parameters.min_inliers) return direct;
+  if (!parameters.remove_outliers) problem.selectAll();
   const auto solution = problem.solve(start, {true, kFineTolerance});
   if (!solution.usable) return direct;
+  if (!parameters.remove_outliers) problem.selectInliers(solution.T_curr_prev);
   return finished(problem, solution.T_curr_prev, direct.iterations + solution.iterations);
 }
 

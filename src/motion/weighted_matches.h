@@ -51,6 +51,9 @@ class WeightedMatches {
     }
   }
 
+  /// Takes all that have a weight.
+  void selectAll() { active_ = weighted_; }
+
   /// Takes the matches whose residual's coordinates are within a distance, and no others.
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {

@@ -184,6 +184,7 @@ MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const St
                                             const MotionPrediction& prediction,
                                             const Stages& stages, ThreadPool* threads) const {
   MotionMeasurement measurement = measureNear(earlier, curr, prediction, stages, threads);
+  if (!parameters_.matching.wide_search) return measurement;
   const double found = shareFound(earlier, context_.camera, measurement.direct);
   if (found >= kShareFound) return measurement;
   const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(knownPoints(earlier), curr);

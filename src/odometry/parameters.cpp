@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/core/version.hpp>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include "common/join.h"
 #include "dataset/classic_stream.h"
 #include "odometry/parameter_checker.h"
+#include "point_line_odometry/lsd_detector.h"
 
 namespace point_line_odometry {
 namespace {
@@ -92,6 +94,11 @@ std::vector<std::string> checkParameters(const Parameters& parameters) {
   if (!parameters.points.enabled && !parameters.lines.enabled) {
     checker.errors.emplace_back(
         "points/enabled and lines/enabled are both false: nothing is left to track");
+  }
+  if (parameters.lines.detector == "lsd" && !LsdDetector::isAvailable()) {
+    checker.errors.emplace_back(
+        "lines/detector is 'lsd', but this OpenCV (" CV_VERSION
+        ") has no line segment detector: take edge_chains, lsd_or_edge_chains, or OpenCV 4.5.4");
   }
   return std::move(checker.errors);
 }

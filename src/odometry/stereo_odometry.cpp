@@ -52,6 +52,12 @@ Parameters checked(const Parameters& parameters) {
   return parameters;
 }
 
+/// Whether the frame before the reference will be needed.
+bool fusesRotation(const Parameters& parameters) {
+  const std::string& when = parameters.motion.fuse_rotation;
+  return when == "always" || (when == "without_landmarks" && parameters.window.size == 0);
+}
+
 bool fits(const cv::Mat& image, const StereoCamera& camera) {
   return image.type() == CV_8UC1 && image.cols == camera.width && image.rows == camera.height;
 }
@@ -79,6 +85,7 @@ class StereoOdometry::Impl {
   void restoreState(const std::string& bytes);
   const StereoCamera& camera() const { return input_camera_; }
   const Parameters& parameters() const { return parameters_; }
+  LineDetectorKind lineDetector() const { return detector_.lineDetector(); }
   const RightImageCorrection& correction() const { return refinement_.correction(); }
 
  private:
@@ -403,7 +410,7 @@ void StereoOdometry::Impl::takeReference(StereoFrame curr, const FrameContext& c
   history_.before_reference.reset();
   const bool measured = measurement.reason == TrackingReason::kNone;
   if (!measured) keepLostTrack();
-  if (measured && parameters_.motion.fuse_rotation) {
+  if (measured && fusesRotation(parameters_)) {
     history_.before_reference =
         EarlierFrame{std::move(*history_.reference), measurement.motion.T_curr_prev};
   }
@@ -567,6 +574,11 @@ void StereoOdometry::Impl::setParameters(const Parameters& parameters) {
   detector_ = StereoFeatureDetector(parameters.points, parameters.lines);
   if (ImageReduction(input_camera_, parameters.tracking).camera() != reduction_.camera())
     useCamera();
+  const auto is_changed = [&](const char* name) {
+    return std::any_of(changed.begin(), changed.end(),
+                       [&](const auto& parameter) { return parameter.first == name; });
+  };
+  if (is_changed("points/descriptor")) startNewReference();  // the old ones cannot be compared
   const auto is_of_map = [](const auto& parameter) {
     return parameter.first.rfind("window/", 0) == 0 || parameter.first.rfind("local_map/", 0) == 0;
   };
@@ -663,6 +675,7 @@ std::string StereoOdometry::saveState() { return impl_->saveState(); }
 void StereoOdometry::restoreState(const std::string& bytes) { impl_->restoreState(bytes); }
 const StereoCamera& StereoOdometry::camera() const { return impl_->camera(); }
 const Parameters& StereoOdometry::parameters() const { return impl_->parameters(); }
+LineDetectorKind StereoOdometry::lineDetector() const { return impl_->lineDetector(); }
 const RightImageCorrection& StereoOdometry::correction() const { return impl_->correction(); }
 
 }  // namespace point_line_odometry

@@ -73,6 +73,10 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   reason_ = frame.result.reason;
   latency_ms_ = latency_ms;
   feature_budget_ = frame.feature_budget;
+  if (line_detector_ != frame.line_detector) {
+    ROS_INFO("detector of line segments: %s", toString(frame.line_detector));
+  }
+  line_detector_ = frame.line_detector;
   failed_windows_ += static_cast<std::uint64_t>(frame.result.counts.failed_windows);
   counters_.relocalizations += static_cast<std::uint64_t>(frame.result.counts.relocalizations);
   constexpr std::size_t kRemembered = 20;
@@ -173,6 +177,7 @@ void Diagnostics::reportTracking(Status& status) {
   status.add("latency [ms]", latency_ms_);
   status.add("processing time [ms]", process_ms_.empty() ? 0.0 : process_ms_.back());
   status.add("feature budget", feature_budget_);
+  if (line_detector_) status.add("line detector", toString(*line_detector_));
   status.add("frames processed", counters_.processed);
   status.add("frames dropped", counters_.dropped);
   status.add("frames rejected", counters_.rejected);

@@ -63,8 +63,9 @@ class Diagnostics {
   TrackingReason reason_ = TrackingReason::kFirstFrame;
   double latency_ms_ = 0.0;
   double feature_budget_ = 1.0;
-  std::uint64_t failed_windows_ = 0;  // of keyframes, without a solution
-  std::deque<double> process_ms_;     // of the latest frames
+  std::optional<LineDetectorKind> line_detector_;  // of the last frame
+  std::uint64_t failed_windows_ = 0;               // of keyframes, without a solution
+  std::deque<double> process_ms_;                  // of the latest frames
   std::vector<DoctorLine> examination_;
   std::string problem_;         // of the last frame, empty if there is none
   std::string silence_;         // why no images come, empty if they do

@@ -31,6 +31,7 @@ struct ProcessedFrame {
   cv::Mat left;  ///< rectified left image, CV_8UC1; may share the memory of `left_message`
   sensor_msgs::ImageConstPtr left_message;
   StereoCamera camera;
+  LineDetectorKind line_detector = LineDetectorKind::kNone;  ///< that ran
   double feature_budget = 1.0;  ///< share of the configured numbers of features that it could use
   /// Pose of the rectified left camera in the base.
   Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();

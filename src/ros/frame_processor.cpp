@@ -44,6 +44,7 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
   continues_ = false;  // until the frame is done
   frame.result = odometry_->process(images);
+  frame.line_detector = odometry_->lineDetector();
   checkFinite(frame.result);
   continues_ = frame.result.reason != TrackingReason::kException;
   if (frame.result.accepted()) {

@@ -254,13 +254,16 @@ int runOdometry(const Options& options) {
   }
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
-  RunInfo info{options.input,
-               source->unpaired(),
-               elapsed_ms(begin) / 1000.0,
-               run.pointResiduals(),
-               run.lineResiduals(),
-               {},
-               run.odometry()->parameters()};
+  RunInfo info;
+  info.input = options.input;
+  info.line_detector = toString(run.odometry()->lineDetector());
+  const PointParameters& points = run.odometry()->parameters().points;
+  info.point_descriptor = points.enabled ? points.descriptor : "none";
+  info.unpaired_images = source->unpaired();
+  info.wall_s = elapsed_ms(begin) / 1000.0;
+  info.point_residuals = run.pointResiduals();
+  info.line_residuals = run.lineResiduals();
+  info.parameters = run.odometry()->parameters();
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
   if (truth.empty()) {

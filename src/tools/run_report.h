@@ -39,6 +39,8 @@ struct FrameRow {
 /// What is told of a run besides its frames.
 struct RunInfo {
   std::string input;
+  std::string line_detector;     ///< that ran
+  std::string point_descriptor;  ///< likewise
   std::size_t unpaired_images = 0;
   double wall_s = 0.0;
   ResidualHistogram point_residuals;  ///< of all frames
@@ -245,7 +247,10 @@ inline std::string formatSummaryJson(const std::vector<FrameRow>& rows, const Ru
     ++reasons[toString(row.reason)];
   }
   std::ostringstream text = fixedStream(3);
-  text << "{\n  \"input\": " << quoteJson(info.input) << ",\n  \"frames\": " << rows.size()
+  text << "{\n  \"input\": " << quoteJson(info.input)
+       << ",\n  \"line_detector\": " << quoteJson(info.line_detector)
+       << ",\n  \"point_descriptor\": " << quoteJson(info.point_descriptor)
+       << ",\n  \"frames\": " << rows.size()
        << ",\n  \"degraded\": " << countState(rows, TrackingState::kDegraded)
        << ",\n  \"lost\": " << countState(rows, TrackingState::kLost)
        << ",\n  \"failed_windows\": " << sumOf(&FrameCounts::failed_windows, rows)
@@ -288,6 +293,8 @@ inline std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo&
        << countState(rows, TrackingState::kDegraded) << " degraded, "
        << countState(rows, TrackingState::kLost) << " lost; peak memory " << peakMemory_MB()
        << " MB\n"
+       << "line detector: " << info.line_detector << "; point descriptor: " << info.point_descriptor
+       << '\n'
        << "variance of the residuals over what their weights say: points "
        << info.point_residuals.variance() << ", lines " << info.line_residuals.variance() << '\n';
   if (info.recording) {
