@@ -159,15 +159,14 @@ TEST(MatchPointsStereo, DistractorsChangeNothing) {
 
 TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
   MatchingParameters parameters;
-  parameters.min_disparity_px = 2.0;
   parameters.max_disparity_px = 50.0;
   parameters.max_row_difference_px = 1.5;
   const auto matched = [&](double disparity, double row) {
     return !stereoPairs({{{200.0, 100.0}, 0}}, {{{200.0 - disparity, 100.0 + row}, 0}}, parameters)
                 .empty();
   };
-  EXPECT_TRUE(matched(2.1, 0.0));
-  EXPECT_FALSE(matched(1.9, 0.0));
+  EXPECT_TRUE(matched(-0.9, 0.0));  // at infinity, by whole pixels
+  EXPECT_FALSE(matched(-1.1, 0.0));
   EXPECT_TRUE(matched(49.9, 0.0));
   EXPECT_FALSE(matched(50.1, 0.0));
   EXPECT_FALSE(matched(-20.0, 0.0));
@@ -175,6 +174,14 @@ TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
   EXPECT_TRUE(matched(20.0, -1.4));
   EXPECT_FALSE(matched(20.0, 1.6));
   EXPECT_FALSE(matched(20.0, -1.6));
+}
+
+TEST(MatchPointsStereo, APointAtInfinityIsNotPairedWithAnotherThatLooksLikeIt) {
+  const std::vector<Seen> left{{{200.0, 100.0}, 0}};
+  const std::vector<Seen> alike{{{120.0, 100.0}, 0}};
+  const std::vector<Seen> both{{{200.0, 100.0}, 0}, {{120.0, 100.0}, 0}};
+  EXPECT_EQ(stereoPairs(left, alike, MatchingParameters()).size(), 1U);
+  EXPECT_TRUE(stereoPairs(left, both, MatchingParameters()).empty());
 }
 
 TEST(MatchPointsStereo, DescriptorsDecide) {

@@ -349,6 +349,52 @@ class Formats(FileTest):
             self.assertEqual(len(result['notes']), int(exact))
 
 
+class OwnUncertainty(unittest.TestCase):
+    """Errors in their own standard deviations."""
+
+    FRAMES = 400
+
+    def uncertainty(self, twist_factor=1.0, state='ok'):
+        """Matches and uncertainty of noisy motions whose covariance is that of their noise, divided
+        by the square of a factor."""
+        random = np.random.RandomState(3)
+        truth = winding_path(self.FRAMES, 4)
+        stamps = 0.1 * np.arange(self.FRAMES)
+        root = np.diag([0.01, 0.02, 0.05, 0.001, 0.002, 0.003]) @ (
+            np.eye(6) + 0.3 * random.normal(size=(6, 6)))
+        motions = ev.inverse(truth[:-1]) @ truth[1:]
+        over_s = np.full(self.FRAMES, 0.1)
+        twist = np.zeros((self.FRAMES, 6))
+        twist[1:] = (ev.mean_velocities(motions, over_s[1:])
+                     + random.normal(size=(self.FRAMES - 1, 6)) @ root.T / 0.1)
+        covariance = root @ root.T / 0.01 / twist_factor ** 2
+        rigid_pose = rigid(5)
+        matches = ev.Matches(rigid_pose @ truth, truth, '', stamps)
+        states = ['initializing'] + [state] * (self.FRAMES - 1)
+        return matches, ev.Uncertainty(stamps, states, over_s, twist,
+                                       np.tile(covariance, (self.FRAMES, 1, 1)),
+                                       np.tile(np.eye(6), (self.FRAMES, 1, 1)))
+
+    def test_true_covariances(self):
+        result = ev.evaluate_uncertainty(*self.uncertainty())
+        self.assertEqual(result['motion']['frames'], self.FRAMES - 1)
+        self.assertAlmostEqual(result['motion']['rms_sigma'], 1.0, delta=0.05)
+        self.assertEqual(result['motion']['beyond_6_sigma'], 0)
+        self.assertLess(result['pose']['max_sigma'], 1e-6)  # whatever the worlds are
+
+    def test_covariances_that_promise_too_much(self):
+        result = ev.evaluate_uncertainty(*self.uncertainty(5.0))['motion']
+        self.assertAlmostEqual(result['rms_sigma'], 5.0, delta=0.25)
+        self.assertGreater(result['beyond_6_sigma'], 100)
+        self.assertGreater(result['beyond_6_sigma'], result['axis_beyond_6_sigma'])
+        self.assertEqual(result['worst'][0]['sigma'], result['max_sigma'])
+
+    def test_only_frames_with_state_ok_count(self):
+        result = ev.evaluate_uncertainty(*self.uncertainty(5.0, 'degraded'))
+        self.assertEqual(result['motion'], {'frames': 0})
+        self.assertEqual(len(ev.uncertainty_lines(result)), 4)
+
+
 class BadInput(FileTest):
     """One sentence on stderr, exit code 2, no traceback."""
 

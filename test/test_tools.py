@@ -24,7 +24,7 @@ from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest,
                           data_folder, find_program, read, write)
 
 RESULTS = ["frames.csv", "groundtruth.tum", "summary.json", "trajectory.kitti",
-           "trajectory.tum"]
+           "trajectory.tum", "uncertainty.csv"]
 
 
 class OfflineOdometryTest(ToolTest):

@@ -93,6 +93,37 @@ TEST(TriangulatePoint, RefusesNaN) {
   EXPECT_FALSE(triangulatePoint(camera, {100.0, 50.0}, kNaN, 0.3, 1.0));
 }
 
+TEST(TriangulateFarPoint, LiesInFrontWhateverIsMeasured) {
+  const StereoCamera camera = synthetic::handCamera();
+  const Vector2d left(100.0, 50.0);
+  for (const double disparity : {-2.0, -0.1, 0.0, 0.1, 0.9}) {
+    const auto p = triangulateFarPoint(camera, left, left.x() - disparity, 0.2);
+    EXPECT_GT(p.p_camera.z(), 0.0) << disparity;
+    EXPECT_TRUE(p.p_camera.allFinite() && p.covariance.allFinite()) << disparity;
+    EXPECT_LT((camera.projectLeft(p.p_camera) - left).norm(), 1e-9) << disparity;
+  }
+}
+
+TEST(TriangulateFarPoint, AClearDisparityIsTakenAndWhatIsTakenFromItIsItsNoise) {
+  const StereoCamera camera = synthetic::handCamera();
+  const Vector2d left(100.0, 50.0);
+  const auto disparity = [&](const TriangulatedPoint& p) {
+    return camera.fx * camera.baseline_m / p.p_camera.z();
+  };
+  const auto sigma = [&](const TriangulatedPoint& p) {  // of the disparity
+    return std::sqrt(p.covariance(2, 2)) * disparity(p) / p.p_camera.z();
+  };
+  const auto clear = triangulateFarPoint(camera, left, left.x() - 0.9, 0.05);
+  EXPECT_NEAR(disparity(clear), 0.9, 0.01);
+  EXPECT_NEAR(sigma(clear), 0.05 * std::sqrt(2.0), 0.005);
+  const auto vague = triangulateFarPoint(camera, left, left.x() - 0.2, 0.2);
+  EXPECT_LT(disparity(vague), 0.1);
+  EXPECT_GT(disparity(vague) + sigma(vague), 0.2);
+  const auto wrong = triangulateFarPoint(camera, left, left.x() + 1.5, 0.2);  // behind infinity
+  EXPECT_LT(disparity(wrong), 0.1);
+  EXPECT_GT(sigma(wrong), 1.5);
+}
+
 // --- Lines
 
 LineSegment segment(const Vector2d& start, const Vector2d& end) {

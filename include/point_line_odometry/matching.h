@@ -37,6 +37,7 @@ struct StereoPoint {
   TriangulatedPoint triangulated;
   /// Where one pixel to the right and one down in the left image lead on its surface [m].
   PixelAxes pixel_axes = PixelAxes::Zero();
+  bool far = false;  ///< too far for a disparity: it tells rotations only
 };
 
 /// A segment seen in both images of one stereo frame. Some cannot be triangulated: near the

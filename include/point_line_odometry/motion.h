@@ -33,6 +33,7 @@ struct LineSight {
 struct PointCorrespondence : PointSight {
   Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
+  bool far = false;  ///< too far for a disparity: it tells the rotation only
 };
 
 /// A line whose place in the previous left camera is known, and where frame k sees it.
@@ -102,6 +103,12 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                                             const StereoCamera& camera,
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
                                             const MotionParameters& parameters);
+
+/// Combines a motion with a predicted one by their covariances if along some axis the prediction is
+/// known better; otherwise it stays as it is. Returns whether it was. \param covariance of the
+/// prediction, as MotionEstimate's.
+bool supportByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted, const Matrix6d& covariance,
+                         MotionEstimate* motion);
 
 /// Fuses the rotation of `direct` (k-1 -> k) with that of the two-frame estimate by slerp at one
 /// half (paper, eq. 9-10) and solves for the translation again with the rotation held. \param

@@ -143,7 +143,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("matching/max_disparity_px", p.matching.max_disparity_px, 1.0, 2000.0, "px",
         "largest disparity looked for; sets the nearest depth");
   visit("matching/min_disparity_px", p.matching.min_disparity_px, 0.1, 100.0, "px",
-        "smallest disparity taken; sets the farthest depth");
+        "smallest disparity that tells a distance; farther points tell rotations only, farther "
+        "lines nothing");
   visit("matching/max_row_difference_px", p.matching.max_row_difference_px, 0.5, 20.0, "px",
         "how far rows of left and right may differ (delta_v)");
   visit("matching/search_radius_px", p.matching.search_radius_px, 1.0, 500.0, "px",

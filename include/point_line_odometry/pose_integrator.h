@@ -86,9 +86,9 @@ class PoseIntegrator {
   /// All members, for StereoOdometry::saveState().
   auto state() {
     auto& [T_odom_camera, start, covariance, lasting, T_odom_reference, reference_covariance,
-           velocity, twist, twist_covariance] = *this;
+           velocity, twist, twist_covariance, predicted_error] = *this;
     return std::tie(T_odom_camera, start, covariance, lasting, T_odom_reference,
-                    reference_covariance, velocity, twist, twist_covariance);
+                    reference_covariance, velocity, twist, twist_covariance, predicted_error);
   }
 
  private:
@@ -101,6 +101,7 @@ class PoseIntegrator {
   std::optional<CameraVelocity> velocity_;
   Vector6d twist_ = Vector6d::Zero();
   Matrix6d twist_covariance_ = Matrix6d::Zero();
+  Vector6d predicted_error_ = Vector6d::Zero();  // of the pose since the last measurement
 };
 
 }  // namespace point_line_odometry

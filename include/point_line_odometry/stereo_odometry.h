@@ -20,7 +20,7 @@ namespace point_line_odometry {
 enum class TrackingState {
   kInitializing,  ///< the first frame: pose known by definition, no motion yet
   kOk,            ///< motion measured
-  kDegraded,      ///< motion predicted from the velocity, with growing covariance
+  kDegraded,      ///< motion, or some of its axes, predicted from the velocity
   kLost           ///< no measurement for longer than the prediction may last: the pose is held
 };
 
@@ -36,7 +36,8 @@ enum class TrackingReason {
   kSolverFailed,
   kTooFewInliers,
   kTooFast,
-  kException  ///< something was thrown while the frame was processed; see FrameResult::error
+  kWeakMotion,  ///< along some axis the prediction knows the motion better, and it is used there
+  kException    ///< something was thrown while the frame was processed; see FrameResult::error
 };
 
 const char* toString(TrackingState state);
@@ -129,6 +130,9 @@ struct FrameResult {
   /// Velocity of the camera in its own axes: linear [m/s], angular [rad/s].
   Vector6d twist = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
+  /// How long before this frame the one was taken that the twist was measured against [s]; 0 if it
+  /// was not measured.
+  double twist_over_s = 0.0;
   double rms_px = 0.0;                ///< of the inliers' residuals
   ResidualHistogram point_residuals;  ///< of the inliers, over their standard deviations
   ResidualHistogram line_residuals;

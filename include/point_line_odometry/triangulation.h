@@ -33,6 +33,13 @@ std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,
                                                   const Eigen::Vector2d& left_px, double right_u_px,
                                                   double sigma_px, double min_disparity_px);
 
+/// A point that is too far for its disparity to tell a distance: what is measured, small or by the
+/// noise or a calibration's error negative, is drawn towards 0, where it is more likely to be the
+/// less it differs from it, and what that changes it by is added to its noise. Such a point tells
+/// rotations only: many of them would agree on a translation that their common bias makes up.
+TriangulatedPoint triangulateFarPoint(const StereoCamera& camera, const Eigen::Vector2d& left_px,
+                                      double right_u_px, double sigma_px);
+
 /// What limits the triangulation of lines.
 struct LineTriangulationLimits {
   double min_angle_rad = 0.26;      ///< smallest angle to the epipolar direction, in both images

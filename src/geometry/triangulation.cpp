@@ -17,6 +17,20 @@ Eigen::Matrix3d backProjectJacobian(const StereoCamera& camera, const Eigen::Vec
   return J;
 }
 
+/// \param disparity_error_px of the disparity, beside the noise of the pixels.
+TriangulatedPoint pointAt(const StereoCamera& camera, const Eigen::Vector2d& left_px,
+                          double disparity_px, double sigma_px, double disparity_error_px) {
+  TriangulatedPoint point;
+  point.p_camera = backProject(camera, left_px, disparity_px);
+  const Eigen::Matrix3d J = backProjectJacobian(camera, point.p_camera, disparity_px);
+  const double variance = sigma_px * sigma_px;
+  Eigen::Matrix3d pixel_covariance = Eigen::Matrix3d::Identity() * variance;
+  pixel_covariance(2, 2) = 2.0 * variance + disparity_error_px * disparity_error_px;
+  pixel_covariance(0, 2) = pixel_covariance(2, 0) = variance;  // u is part of the disparity
+  point.covariance = J * pixel_covariance * J.transpose();
+  return point;
+}
+
 /// Place on the right segment at a row: 0 at its start, 1 at its end.
 double parameterAtRow(const LineSegment& segment, double v) {
   return (v - segment.start.y()) / (static_cast<double>(segment.end.y()) - segment.start.y());
@@ -35,15 +49,17 @@ std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,
                                                   double sigma_px, double min_disparity_px) {
   const double disparity = left_px.x() - right_u_px;
   if (!(disparity >= min_disparity_px)) return std::nullopt;
-  TriangulatedPoint point;
-  point.p_camera = backProject(camera, left_px, disparity);
-  const Eigen::Matrix3d J = backProjectJacobian(camera, point.p_camera, disparity);
-  const double variance = sigma_px * sigma_px;
-  Eigen::Matrix3d pixel_covariance = Eigen::Matrix3d::Identity() * variance;
-  pixel_covariance(2, 2) = 2.0 * variance;
-  pixel_covariance(0, 2) = pixel_covariance(2, 0) = variance;  // u is part of the disparity
-  point.covariance = J * pixel_covariance * J.transpose();
-  return point;
+  return pointAt(camera, left_px, disparity, sigma_px, 0.0);
+}
+
+TriangulatedPoint triangulateFarPoint(const StereoCamera& camera, const Eigen::Vector2d& left_px,
+                                      double right_u_px, double sigma_px) {
+  constexpr double kLeastDisparityPx = 0.01;  // the place is finite
+  const double measured = left_px.x() - right_u_px;
+  const double squared = measured * measured;
+  const double likely = measured * squared / (squared + 2.0 * sigma_px * sigma_px);
+  const double disparity = std::max(likely, kLeastDisparityPx);
+  return pointAt(camera, left_px, disparity, sigma_px, disparity - measured);
 }
 
 std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, const LineSegment& left,

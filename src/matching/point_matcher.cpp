@@ -92,8 +92,10 @@ class StereoPointSearch {
   int best(const PointFeature& from, const std::vector<PointFeature>& to, const PointGrid& grid,
            bool to_right) const {
     const auto nearest = static_cast<float>(parameters_.max_disparity_px);
-    const auto farthest = static_cast<float>(parameters_.min_disparity_px);
     const auto rows = static_cast<float>(parameters_.max_row_difference_px);
+    // Points at infinity, too, which whole pixels show at 1, 0 or -1: were one not looked for
+    // there, another that looks like it would take its place.
+    constexpr float farthest = -1.0F;
     const Eigen::Vector2f& p = from.pixel;
     const float low = to_right ? p.x() - nearest : p.x() + farthest;
     const float high = to_right ? p.x() - farthest : p.x() + nearest;

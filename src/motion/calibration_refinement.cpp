@@ -86,8 +86,8 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
   Vector6d motion_vector = Vector6d::Zero();
   Coefficients terms_vector = Coefficients::Zero();
   for (std::size_t i = 0; i < correspondences.points.size(); ++i) {
-    if (!motion.point_inliers[i]) continue;
     const PointCorrespondence& point = correspondences.points[i];
+    if (!motion.point_inliers[i] || point.far) continue;
     const PointResidual<ResidualImages::kBoth> residual(point, camera_, motion.T_curr_prev);
     if (!residual.valid) continue;
     const Eigen::Matrix3d by_landmark = residual.byLandmark();

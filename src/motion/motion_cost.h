@@ -78,7 +78,7 @@ class MotionCost : public ceres::CostFunction {
     const Eigen::Isometry3d T_curr_prev = motion.toIsometry();
     Rows rows{residuals, jacobians == nullptr ? nullptr : jacobians[0],
               jacobians == nullptr ? nullptr : jacobians[1], leftJacobian(motion.rotation)};
-    const auto write = [&](const auto& residual, const auto& weight) {
+    const auto write = [&](const auto& residual, const auto& weight, const auto&) {
       writeRows(residual, weight, &rows);
     };
     return points_.forEachActive(T_curr_prev, write) && lines_.forEachActive(T_curr_prev, write);

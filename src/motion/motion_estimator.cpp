@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <vector>
 
 #include "geometry/skew.h"
 #include "motion/motion_cost.h"
@@ -21,15 +22,81 @@ constexpr double kFineTolerance = 1e-6;
 // The weights of matches are taken to be true until the residuals outnumber so many that are.
 constexpr double kWeightsTrusted = 20.0;
 
+// What all disparities may be wrong by together: as much as is allowed for where the calibration is
+// refined. It does not average out over a frame's points.
+constexpr double kCalibrationPx = 0.05;
+
 // Matches so near to a prediction are where it puts them.
 constexpr double kPredictedPx = 2.0;
 
-/// Normal matrix by (rotation, translation) of the solver's perturbation, and what the residuals
-/// amount to.
+/// The normal matrix by (rotation, translation) of the solver's perturbation, and its share from
+/// each part of the left image.
+class ImageInformation {
+ public:
+  explicit ImageInformation(const StereoCamera& camera) : part_px_(camera.width / kColumns) {}
+
+  void add(const Eigen::Vector2d& left_px, const Matrix6d& information) {
+    whole += information;
+    const Eigen::Vector2i part = (left_px / part_px_).array().floor().cast<int>();
+    const auto at = std::find_if(parts_.begin(), parts_.end(),
+                                 [&](const Part& known) { return known.place == part; });
+    if (at != parts_.end()) {
+      at->information += information;
+    } else {
+      parts_.push_back({part, information});
+    }
+  }
+
+  /// Without the part that has the most influence on the motion (the trace of its hat matrix). What
+  /// hangs on one place alone is not checked by anything: a match there that is wrong, and others
+  /// of the same thing with it, agrees with the motion that it makes up.
+  Matrix6d checked() const {
+    if (parts_.empty()) return whole;
+    const Matrix6d covariance = invert(whole);
+    const auto influence = [&](const Part& part) {
+      return covariance.cwiseProduct(part.information).sum();
+    };
+    const auto most =
+        std::max_element(parts_.begin(), parts_.end(),
+                         [&](const Part& a, const Part& b) { return influence(a) < influence(b); });
+    return whole - most->information;
+  }
+
+  /// The inverse; directions that nothing measures get a huge but finite variance.
+  static Matrix6d invert(const Matrix6d& information) {
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
+    const double floor = std::max(1e-12 * eigen.eigenvalues().maxCoeff(), 1e-12);
+    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+           eigen.eigenvectors().transpose();
+  }
+
+  Matrix6d whole = Matrix6d::Zero();
+
+ private:
+  static constexpr double kColumns = 8.0;  // parts across the image; they are square
+
+  struct Part {
+    Eigen::Vector2i place;
+    Matrix6d information;
+  };
+
+  double part_px_;
+  std::vector<Part> parts_;
+};
+
+Eigen::Vector2d placeOf(const PointCorrespondence& point) { return point.left_px; }
+Eigen::Vector2d placeOf(const LineCorrespondence& line) {
+  return 0.5 * (line.left_start_px + line.left_end_px);
+}
+
+/// What the residuals amount to.
 struct Statistics {
-  Matrix6d information = Matrix6d::Zero();
-  double pulls = 0.0;        // squares of the residuals times their Huber weights
-  double weights = 0.0;      // these weights, for each row
+  explicit Statistics(const StereoCamera& camera) : information(camera) {}
+
+  ImageInformation information;
+  Vector6d by_disparity = Vector6d::Zero();  // what an error of all disparities adds to J^T r [px]
+  double pulls = 0.0;                        // squares of the residuals times their Huber weights
+  double weights = 0.0;                      // these weights, for each row
   double stiffnesses = 0.0;  // how much a pull changes with its residual, for each row
   double squares_px = 0.0;
   int rows = 0;
@@ -44,6 +111,7 @@ class MotionProblem {
   MotionProblem(const Correspondences& correspondences, const StereoCamera& camera,
                 const MotionParameters& parameters)
       : parameters_(parameters),
+        camera_(camera),
         points_(correspondences.points, camera),
         lines_(correspondences.lines, camera) {}
 
@@ -115,14 +183,15 @@ class MotionProblem {
   }
 
   Statistics statistics(const Eigen::Isometry3d& T_curr_prev) const {
-    Statistics statistics;
-    const auto add = [&](const auto& residual, const auto& weight, ResidualHistogram* histogram) {
+    Statistics statistics(camera_);
+    const auto add = [&](const auto& residual, const auto& weight, const auto& match,
+                         ResidualHistogram* histogram) {
       const auto whitened = (weight * residual.value).eval();
       const double norm = whitened.norm();
       const double huber_weight =
           norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
       const auto J = (weight * residual.byMotion()).eval();
-      statistics.information += huber_weight * J.transpose() * J;
+      statistics.information.add(placeOf(match), huber_weight * J.transpose() * J);
       const auto rows = static_cast<int>(residual.value.size());
       statistics.pulls += huber_weight * huber_weight * norm * norm;
       statistics.weights += huber_weight * rows;
@@ -131,17 +200,35 @@ class MotionProblem {
       statistics.rows += rows;
       for (Eigen::Index i = 0; i < whitened.size(); ++i) histogram->add(whitened[i]);
     };
-    points_.forEachActive(T_curr_prev, [&](const auto& residual, const auto& weight) {
-      add(residual, weight, &statistics.points);
-    });
-    lines_.forEachActive(T_curr_prev, [&](const auto& residual, const auto& weight) {
-      add(residual, weight, &statistics.lines);
-    });
+    points_.forEachActive(T_curr_prev,
+                          [&](const auto& residual, const auto& weight, const auto& match) {
+                            add(residual, weight, match, &statistics.points);
+                            addDisparityError(residual, weight, match, &statistics.by_disparity);
+                          });
+    lines_.forEachActive(T_curr_prev,
+                         [&](const auto& residual, const auto& weight, const auto& match) {
+                           add(residual, weight, match, &statistics.lines);
+                         });
     return statistics;
   }
 
  private:
+  /// An error of the calibration that makes every disparity larger: points seem nearer, and their
+  /// right pixels now lie further left.
+  template <typename Weight>
+  void addDisparityError(const PointResidual<kImages>& residual, const Weight& weight,
+                         const PointCorrespondence& point, Vector6d* by_disparity) const {
+    const bool in_front = point.p_prev.z() > camera_.baseline_m;  // a landmark need not be
+    if (!in_front || !parameters_.use_triangulation_covariance) return;
+    const double disparity_px = camera_.fx * camera_.baseline_m / point.p_prev.z();
+    auto change = (residual.byLandmark() * (-point.p_prev / disparity_px)).eval();
+    if constexpr (kImages == ResidualImages::kBoth) change(2) -= 1.0;
+    const auto J = (weight * residual.byMotion()).eval();
+    *by_disparity += J.transpose() * (weight * change);
+  }
+
   const MotionParameters& parameters_;
+  const StereoCamera& camera_;
   WeightedMatches<PointResidual<kImages>> points_;
   WeightedMatches<LineResidual<kImages>> lines_;
 };
@@ -160,13 +247,10 @@ double covarianceScale(const Statistics& statistics) {
 /// From the normal matrix of the solver's perturbation of T_curr_prev to the covariance of
 /// T_prev_curr in ROS' order.
 Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d& T_curr_prev) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(statistics.information);
-  // Directions that nothing measures get a huge but finite variance.
-  const double floor = std::max(1e-12 * eigen.eigenvalues().maxCoeff(), 1e-12);
-  const Matrix6d inverse = eigen.eigenvectors() *
-                           eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
-                           eigen.eigenvectors().transpose();
+  const Matrix6d inverse = ImageInformation::invert(statistics.information.checked());
   const double scale = covarianceScale(statistics);
+  const Vector6d by_calibration = kCalibrationPx * inverse * statistics.by_disparity;
+  const Matrix6d of_solution = scale * inverse + by_calibration * by_calibration.transpose();
 
   // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
   const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();
@@ -175,7 +259,7 @@ Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d&
   J.block<3, 3>(0, 0) = -R_t * skew(t);
   J.block<3, 3>(0, 3) = -R_t;
   J.block<3, 3>(3, 0) = -R_t;
-  const Matrix6d covariance = scale * J * inverse * J.transpose();
+  const Matrix6d covariance = J * of_solution * J.transpose();
   return 0.5 * (covariance + covariance.transpose());
 }
 
@@ -314,6 +398,37 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
   const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
                                                     : estimate<ResidualImages::kLeft>;
   return estimator(correspondences, camera, T_curr_prev_predicted, parameters, kPredictedPx);
+}
+
+bool supportByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted, const Matrix6d& covariance,
+                         MotionEstimate* motion) {
+  const Eigen::LLT<Matrix6d> root(covariance);
+  if (root.info() != Eigen::Success) return false;
+  // In units of the prediction's standard deviations.
+  const Matrix6d half = root.matrixL().solve(motion->covariance);
+  const Matrix6d relative = root.matrixL().solve(half.transpose());
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(relative, Eigen::EigenvaluesOnly);
+  if (!(eigen.eigenvalues().maxCoeff() > 1.0)) return false;
+
+  const Eigen::Isometry3d T_prev_curr = motion->T_curr_prev.inverse();
+  const Eigen::AngleAxisd turn(T_prev_curr_predicted.linear() * T_prev_curr.linear().transpose());
+  Vector6d to_prediction;
+  to_prediction << T_prev_curr_predicted.translation() - T_prev_curr.translation(),
+      turn.angle() * turn.axis();
+  const Eigen::LDLT<Matrix6d> sum(motion->covariance + covariance);
+  const Vector6d change = motion->covariance * sum.solve(to_prediction);
+  const Matrix6d known = covariance - covariance * sum.solve(covariance);
+  const double angle = change.tail<3>().norm();
+  Eigen::Isometry3d T_supported = T_prev_curr;
+  T_supported.translation() += change.head<3>();
+  if (angle > 0.0) {
+    T_supported.linear() =
+        Eigen::AngleAxisd(angle, change.tail<3>() / angle) * T_prev_curr.linear();
+  }
+  if (!T_supported.matrix().allFinite() || !known.allFinite()) return false;
+  motion->T_curr_prev = T_supported.inverse();
+  motion->covariance = 0.5 * (known + known.transpose());
+  return true;
 }
 
 MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,

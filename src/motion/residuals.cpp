@@ -7,7 +7,7 @@ namespace point_line_odometry {
 template <ResidualImages kImages>
 PointResidual<kImages>::PointResidual(const PointCorrespondence& point, const StereoCamera& camera,
                                       const Eigen::Isometry3d& T_curr_prev)
-    : R_(T_curr_prev.linear()), rotated_(R_ * point.p_prev) {
+    : R_(T_curr_prev.linear()), rotated_(R_ * point.p_prev), far_(point.far) {
   const Eigen::Vector3d p = rotated_ + T_curr_prev.translation();
   valid = p.z() > 1e-3 * camera.baseline_m;
   if (!valid) return;
@@ -27,7 +27,11 @@ template <ResidualImages kImages>
 auto PointResidual<kImages>::byMotion() const -> ByMotion {
   ByMotion by_motion;
   by_motion.template leftCols<3>() = -by_p_ * skew(rotated_);
-  by_motion.template rightCols<3>() = by_p_;
+  if (far_) {
+    by_motion.template rightCols<3>().setZero();
+  } else {
+    by_motion.template rightCols<3>() = by_p_;
+  }
   return by_motion;
 }
 

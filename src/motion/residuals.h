@@ -28,6 +28,7 @@ struct PointResidual {
   Eigen::Matrix<double, kRows, 1> value;
   bool valid = false;  ///< false if the point is not in front of the camera
 
+  /// A far point's residual does not change with the translation.
   PointResidual(const PointCorrespondence& point, const StereoCamera& camera,
                 const Eigen::Isometry3d& T_curr_prev);
 
@@ -39,6 +40,7 @@ struct PointResidual {
   Eigen::Matrix<double, kRows, 3> by_p_;  // by the point in the current camera
   Eigen::Matrix3d R_;
   Eigen::Vector3d rotated_;
+  bool far_;
 };
 
 /// Distances of the observed end points to the projected line (paper, eq. 4 and 6) [px]: start and

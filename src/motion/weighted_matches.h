@@ -28,11 +28,13 @@ class WeightedMatches {
   int rows() const { return count() * Residual::kRows; }
 
   /// Computes the weights at a motion, and drops matches that are behind the camera or not finite.
+  /// Its translation is what moves far points, until the next call.
   void linearizeWeights(const Eigen::Isometry3d& T_curr_prev, bool use_triangulation_covariance) {
     weighted_ = active_;
+    translation_of_far_ = T_curr_prev.translation();
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!active_[i]) continue;
-      const Residual residual(matches_[i], camera_, T_curr_prev);
+      const Residual residual = residualAt(T_curr_prev, i);
       weighted_[i] =
           residual.valid && residual.value.allFinite() &&
           computeWeight(matches_[i], residual, use_triangulation_covariance, &weights_[i]);
@@ -45,7 +47,7 @@ class WeightedMatches {
   void selectInliers(const Eigen::Isometry3d& T_curr_prev, double limit) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!weighted_[i]) continue;
-      const Residual residual(matches_[i], camera_, T_curr_prev);
+      const Residual residual = residualAt(T_curr_prev, i);
       active_[i] = residual.valid &&
                    (weights_[i] * residual.value).squaredNorm() <= limit * limit * Residual::kRows;
     }
@@ -58,26 +60,34 @@ class WeightedMatches {
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!weighted_[i]) continue;
-      const Residual residual(matches_[i], camera_, T_curr_prev);
+      const Residual residual = residualAt(T_curr_prev, i);
       active_[i] =
           residual.valid && residual.value.template lpNorm<Eigen::Infinity>() <= max_distance_px;
     }
   }
 
-  /// Calls visit(residual, weight) for each match that takes part; false as soon as a residual is
-  /// not valid.
+  /// Calls visit(residual, weight, match) for each match that takes part; false as soon as a
+  /// residual is not valid.
   template <typename Visit>
   bool forEachActive(const Eigen::Isometry3d& T_curr_prev, Visit&& visit) const {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!active_[i]) continue;
-      const Residual residual(matches_[i], camera_, T_curr_prev);
+      const Residual residual = residualAt(T_curr_prev, i);
       if (!residual.valid) return false;
-      visit(residual, weights_[i]);
+      visit(residual, weights_[i], matches_[i]);
     }
     return true;
   }
 
  private:
+  static bool isFar(const PointCorrespondence& point) { return point.far; }
+  static bool isFar(const LineCorrespondence&) { return false; }
+
+  Residual residualAt(Eigen::Isometry3d T_curr_prev, std::size_t i) const {
+    if (isFar(matches_[i])) T_curr_prev.translation() = translation_of_far_;
+    return Residual(matches_[i], camera_, T_curr_prev);
+  }
+
   /// Inverse square root of the residual's covariance: pixel noise, and the triangulation's carried
   /// through the residual. False if it is not finite or has none.
   static bool computeWeight(const Correspondence& match, const Residual& residual,
@@ -99,6 +109,7 @@ class WeightedMatches {
   std::vector<bool> active_;
   std::vector<bool> weighted_;  // those with a weight
   std::vector<Weight> weights_;
+  Eigen::Vector3d translation_of_far_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace point_line_odometry

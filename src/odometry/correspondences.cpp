@@ -58,7 +58,7 @@ std::optional<AlignedPatch> alignStereo(const FrameContext& context, const Point
   return aligned;
 }
 
-/// A stereo point, or nothing if it has no disparity.
+/// A stereo point, or nothing if the pair cannot be one.
 std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const IndexPair& match,
                                        const FrameContext& context) {
   const PointFeature& left = features.points_left[match.first];
@@ -71,12 +71,28 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   }
   const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
   const double sigma_px = pointSigma(context, right.noise_px, levelScale(left, context.parameters));
-  const auto triangulated = triangulatePoint(context.camera, left.pixel.cast<double>(),
-                                             corrected.x(), sigma_px, matching.min_disparity_px);
-  if (!triangulated) return std::nullopt;
-  return StereoPoint{match.first,   match.second,
-                     right.pixel,   sigma_px,
-                     *triangulated, pixelAxes(context.camera, triangulated->p_camera, right.slope)};
+  StereoPoint point;
+  point.left = match.first;
+  point.right = match.second;
+  point.right_px = right.pixel;
+  point.sigma_px = sigma_px;
+  const Eigen::Vector2d left_px = left.pixel.cast<double>();
+  const auto triangulated =
+      triangulatePoint(context.camera, left_px, corrected.x(), sigma_px, matching.min_disparity_px);
+  if (triangulated) {
+    point.triangulated = *triangulated;
+  } else {
+    const double disparity_px = left_px.x() - corrected.x();
+    // Weighted without its covariance, a far point would say that the camera does not move.
+    if (!context.parameters.motion.use_triangulation_covariance ||
+        !(disparity_px >= -matching.max_row_difference_px))
+      return std::nullopt;
+    point.far = true;
+    point.triangulated = triangulateFarPoint(context.camera, left_px, corrected.x(), sigma_px);
+    right.slope.setZero();
+  }
+  point.pixel_axes = pixelAxes(context.camera, point.triangulated.p_camera, right.slope);
+  return point;
 }
 
 /// The patch round a point of an earlier frame as both images of the current one should see it.
@@ -112,6 +128,7 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   }
   PointCorrespondence point;
   point.p_prev = before.triangulated.p_camera;
+  point.far = before.far;
   point.covariance = before.triangulated.covariance;
   point.left_px = left.pixel.cast<double>();
   point.right_px = context.correction.apply(right.pixel.cast<double>());
@@ -145,8 +162,9 @@ PointCoverage::PointCoverage(const StereoFrame& frame, const FrameContext& conte
       counts_(columns_ * (static_cast<std::size_t>(frame.left_image.levels.front().rows /
                                                    context.parameters.points.cell_size_px) +
                           1)) {
-  for (const StereoPoint& point : frame.points)
-    ++counts_[cellOf(frame.features.points_left[point.left].pixel)];
+  for (const StereoPoint& point : frame.points) {
+    if (!point.far) ++counts_[cellOf(frame.features.points_left[point.left].pixel)];
+  }
 }
 
 std::size_t PointCoverage::cellOf(const Eigen::Vector2f& pixel) const {
@@ -252,6 +270,7 @@ void observeFeatures(const StereoFrame& curr, const CircularMatches& matches,
   for (std::size_t i = 0; i < matches.points.size(); ++i) {
     const StereoPoint& point = curr.points[matches.points[i].second];
     point_shown[point.left] = true;
+    if (point.far) continue;  // it has no place that could be shown
     result->points.push_back(
         {curr.features.points_left[point.left].pixel, curr.features.points_right[point.right].pixel,
          point.triangulated.p_camera.cast<float>(), bool(motion.point_inliers[i])});

@@ -38,6 +38,8 @@ const char* toString(TrackingReason reason) {
       return "too_few_inliers";
     case TrackingReason::kTooFast:
       return "too_fast";
+    case TrackingReason::kWeakMotion:
+      return "weak_motion";
     case TrackingReason::kException:
       return "exception";
   }

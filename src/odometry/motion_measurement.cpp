@@ -36,9 +36,9 @@ void appendMatches(const std::vector<Correspondence>& matches, const MotionEstim
 }
 
 /// Of the features of an earlier frame that should be in view after a motion, the share that was
-/// found and agrees with it; 0 without a motion.
+/// found and agrees with it; 0 without a motion. Far points agree with any translation.
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
-                  const MotionEstimate& motion) {
+                  const Correspondences& matches, const MotionEstimate& motion) {
   if (!motion.ok()) return 0.0;
   const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
     const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
@@ -47,23 +47,30 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
     return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
            left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
   };
-  const auto points =
-      std::count_if(earlier.points.begin(), earlier.points.end(),
-                    [&](const StereoPoint& point) { return in_view(point.triangulated.p_camera); });
+  const auto points = std::count_if(
+      earlier.points.begin(), earlier.points.end(),
+      [&](const StereoPoint& point) { return !point.far && in_view(point.triangulated.p_camera); });
   const auto lines =
       std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
         return line.triangulated &&
                (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
       });
-  const auto found = static_cast<double>(motion.num_point_inliers + motion.num_line_inliers);
+  int far = 0;
+  for (std::size_t i = 0; i < matches.points.size(); ++i)
+    far += motion.point_inliers[i] && matches.points[i].far ? 1 : 0;
+  const auto found = static_cast<double>(motion.num_point_inliers - far + motion.num_line_inliers);
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
+/// Those whose distance is known.
 KnownPoints knownPoints(const StereoFrame& frame) {
   KnownPoints known;
-  known.descriptors = stereoDescriptors(frame);
-  for (const StereoPoint& point : frame.points)
-    known.positions.push_back(point.triangulated.p_camera);
+  const std::vector<StereoDescriptor> descriptors = stereoDescriptors(frame);
+  for (std::size_t i = 0; i < frame.points.size(); ++i) {
+    if (frame.points[i].far) continue;
+    known.descriptors.push_back(descriptors[i]);
+    known.positions.push_back(frame.points[i].triangulated.p_camera);
+  }
   return known;
 }
 
@@ -108,6 +115,7 @@ MotionMeasurement MotionMeter::measure(const StereoFrame& curr) const {
     const StageTimer timer(times_, Stage::kMap);
     measureAgainstMap(curr, prediction, &measurement);
   }
+  supportWeakAxes(dt_s, &measurement);
   if (measurement.motion.ok()) {
     measurement.reason = reasonOf(measurement.motion, dt_s);
   } else {
@@ -185,13 +193,14 @@ MotionMeasurement MotionMeter::measureSince(const StereoFrame& earlier, const St
                                             const Stages& stages, ThreadPool* threads) const {
   MotionMeasurement measurement = measureNear(earlier, curr, prediction, stages, threads);
   if (!parameters_.matching.wide_search) return measurement;
-  const double found = shareFound(earlier, context_.camera, measurement.direct);
+  const double found =
+      shareFound(earlier, context_.camera, measurement.correspondences, measurement.direct);
   if (found >= kShareFound) return measurement;
   const std::optional<Eigen::Isometry3d> T_curr_earlier = searchWidely(knownPoints(earlier), curr);
   if (!T_curr_earlier) return measurement;
   MotionMeasurement anew = measureNear(
       earlier, curr, {*T_curr_earlier, parameters_.matching.search_radius_px}, stages, threads);
-  const double found_anew = shareFound(earlier, context_.camera, anew.direct);
+  const double found_anew = shareFound(earlier, context_.camera, anew.correspondences, anew.direct);
   return found_anew > found ? anew : measurement;
 }
 
@@ -263,6 +272,25 @@ MotionEstimate MotionMeter::estimate(const Correspondences& matches,
   return velocity_
              ? estimateCameraMotion(matches, context_.camera, T_curr_prev, dt_s, parameters_.motion)
              : estimateMotion(matches, context_.camera, T_curr_prev, parameters_.motion);
+}
+
+/// Where the prediction knows an axis better than what is seen, the two are combined by their
+/// covariances (Kalman's update); elsewhere it would only disturb.
+void MotionMeter::supportWeakAxes(double dt_s, MotionMeasurement* measurement) const {
+  if (!measurement->motion.ok()) return;
+  Eigen::Isometry3d T_prev_curr = Eigen::Isometry3d::Identity();
+  Matrix6d prediction = Matrix6d::Zero();
+  if (velocity_) {
+    T_prev_curr = motionAtVelocity(velocity_->value, dt_s);
+    prediction = dt_s * dt_s * velocity_->covariance +
+                 predictionCovariance(velocity_->value, true, dt_s, dt_s);
+  } else {
+    const TrackingParameters& tracking = parameters_.tracking;
+    prediction.diagonal().head<3>().setConstant(std::pow(tracking.max_speed_m_s * dt_s, 2));
+    prediction.diagonal().tail<3>().setConstant(
+        std::pow(tracking.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
+  }
+  measurement->weak = supportByPrediction(T_prev_curr, prediction, &measurement->motion);
 }
 
 TrackingReason MotionMeter::reasonOf(const MotionEstimate& motion, double dt_s) const {

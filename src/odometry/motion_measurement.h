@@ -41,6 +41,8 @@ struct MotionMeasurement {
   Correspondences correspondences;
   MotionEstimate direct;  ///< from these alone
   MotionEstimate motion;  ///< the best one: against the map if there is one
+  /// The motion does not carry itself: its weak axes are those of the prediction.
+  bool weak = false;
   MapSights sights;
   bool relocalized = false;  ///< `motion` comes from the landmarks alone, found by their looks
 };
@@ -96,6 +98,7 @@ class MotionMeter {
                          MotionMeasurement* measurement) const;
   MotionEstimate estimate(const Correspondences& matches, const Eigen::Isometry3d& T_curr_prev,
                           const StereoFrame& prev, const StereoFrame& curr) const;
+  void supportWeakAxes(double dt_s, MotionMeasurement* measurement) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
 
   const FrameHistory& history_;

@@ -32,6 +32,7 @@ void PoseIntegrator::reset(const Eigen::Isometry3d& T_odom_camera) {
   velocity_.reset();
   twist_.setZero();
   twist_covariance_.setZero();
+  predicted_error_.setZero();
 }
 
 void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {
@@ -44,11 +45,14 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   T_odom_camera_ = T_odom_reference_ * step.T_reference_camera;
   T_odom_camera_.linear() =
       Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  velocity_ =
-      CameraVelocity{velocityOfMotion(step.T_measured, dt_s),
-                     (step.covariance + step.reference_covariance) / (dt_s * dt_s), dt_s, stamp_ns};
+  Matrix6d covariance = step.covariance + step.reference_covariance;
+  const Eigen::Vector3d way = step.T_measured.translation();
+  covariance.topLeftCorner<3, 3>() += kScaleError * kScaleError * way * way.transpose();
+  velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s), covariance / (dt_s * dt_s),
+                             dt_s, stamp_ns};
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
+  predicted_error_.setZero();
 }
 
 bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s) {
@@ -58,8 +62,16 @@ bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double ma
   const Eigen::Isometry3d T_prev_curr =
       moves ? motionAtVelocity(velocity, dt_s) : Eigen::Isometry3d::Identity();
   const Matrix6d motion_covariance = predictionCovariance(velocity, moves, dt_s, unmeasured_s);
+  // A velocity that is wrong is so all the time: its errors add up, not their squares.
+  const Vector6d error = motion_covariance.diagonal().cwiseSqrt();
+  Vector6d predicted = predicted_error_ + error;
+  predicted.head<3>().array() +=
+      predicted_error_.tail<3>().norm() * T_prev_curr.translation().norm();
+  const Matrix6d grown =
+      Vector6d(predicted.cwiseAbs2() - predicted_error_.cwiseAbs2()).asDiagonal();
+  predicted_error_ = predicted;
   covariance_ = lasting_covariance_ =
-      composeCovariance(T_odom_camera_, covariance_, T_prev_curr, motion_covariance);
+      composeCovariance(T_odom_camera_, covariance_, T_prev_curr, grown);
   T_odom_camera_ = T_odom_camera_ * T_prev_curr;
   twist_ = moves ? velocity : Vector6d::Zero();
   twist_covariance_ = motion_covariance / (dt_s * dt_s);

@@ -88,8 +88,8 @@ inline auto stateOf(TriangulatedLine& line) {
 }
 
 inline auto stateOf(StereoPoint& point) {
-  auto& [left, right, right_px, sigma_px, triangulated, pixel_axes] = point;
-  return std::tie(left, right, right_px, sigma_px, triangulated, pixel_axes);
+  auto& [left, right, right_px, sigma_px, triangulated, pixel_axes, far] = point;
+  return std::tie(left, right, right_px, sigma_px, triangulated, pixel_axes, far);
 }
 
 inline auto stateOf(StereoLine& line) {

@@ -326,7 +326,7 @@ void StereoOdometry::Impl::integrate(const MotionMeasurement& measurement, std::
     } else {
       output_.followMeasured(pose_, dt_s, parameters_.tracking.standstill_hold);
     }
-    state_ = TrackingState::kOk;
+    state_ = measurement.weak ? TrackingState::kDegraded : TrackingState::kOk;
   } else if (measurement.reason == TrackingReason::kFirstFrame) {
     output_.followUnknown(pose_, dt_s);
     state_ = TrackingState::kInitializing;
@@ -441,11 +441,14 @@ LandmarkCandidates StereoOdometry::Impl::candidatesOf(const MotionMeasurement& m
   const CircularMatches& matches = measurement.matches;
   std::vector<bool> matched(curr.points.size(), false);
   for (std::size_t i = 0; i < matches.points.size(); ++i) {
-    matched[matches.points[i].second] = true;
-    if (measurement.direct.point_inliers[i]) candidates.points.push_back(matches.points[i].second);
+    const int point = matches.points[i].second;
+    matched[point] = true;
+    if (measurement.direct.point_inliers[i] && !curr.points[point].far)
+      candidates.points.push_back(point);
   }
   for (std::size_t i = 0; i < matched.size(); ++i) {
-    if (!matched[i]) candidates.unmatched_points.push_back(static_cast<int>(i));
+    if (!matched[i] && !curr.points[i].far)
+      candidates.unmatched_points.push_back(static_cast<int>(i));
   }
   for (std::size_t i = 0; i < matches.lines.size(); ++i) {
     if (measurement.direct.line_inliers[i]) candidates.lines.push_back(matches.lines[i].second);
@@ -482,6 +485,8 @@ void StereoOdometry::Impl::reportPose(FrameResult* result) const {
   result->pose_covariance = output_.covariance(pose_);
   result->twist = output_.holds() ? Vector6d::Zero() : pose_.twist();
   result->twist_covariance = pose_.twistCovariance();
+  const bool measured = state_ == TrackingState::kOk && pose_.velocity();
+  result->twist_over_s = measured ? pose_.velocity()->measured_over_s : 0.0;
 }
 
 FrameResult StereoOdometry::Impl::dropped(TrackingReason reason, FrameResult result) const {
@@ -515,7 +520,7 @@ bool StereoOdometry::Impl::isFoundAgain(const MotionMeasurement& measurement) co
 
 void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasurement& measurement,
                                   FrameResult* result) const {
-  result->reason = measurement.reason;
+  result->reason = measurement.weak ? TrackingReason::kWeakMotion : measurement.reason;
   result->rms_px = measurement.motion.rms_px;
   result->point_residuals = measurement.motion.point_residuals;
   result->line_residuals = measurement.motion.line_residuals;

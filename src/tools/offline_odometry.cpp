@@ -134,7 +134,8 @@ class OfflineRun {
                      result_.rms_px,
                      result_.times,
                      decode_ms,
-                     rectify_ms});
+                     rectify_ms,
+                     uncertaintyOfInputCamera(result_)});
     point_residuals_.add(result_.point_residuals);
     line_residuals_.add(result_.line_residuals);
     return true;
@@ -157,6 +158,21 @@ class OfflineRun {
     T_rectified_raw.linear() = rectifier_->R_rectified_raw();
     if (replay_ != nullptr) return T_odom_rectified * T_rectified_raw;
     return T_rectified_raw.inverse() * T_odom_rectified * T_rectified_raw;
+  }
+
+  /// Twist and covariances in the axes of the camera that took the image; for a recording, the pose
+  /// has those of odom.
+  FrameUncertainty uncertaintyOfInputCamera(const FrameResult& result) const {
+    FrameUncertainty u{result.pose_covariance, result.twist, result.twist_covariance,
+                       result.twist_over_s};
+    if (!rectifier_) return u;
+    Matrix6d turn = Matrix6d::Zero();
+    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() =
+        rectifier_->R_rectified_raw().transpose();
+    u.twist = turn * u.twist;
+    u.twist_covariance = turn * u.twist_covariance * turn.transpose();
+    if (replay_ == nullptr) u.pose_covariance = turn * u.pose_covariance * turn.transpose();
+    return u;
   }
 
   StereoSource& source_;
@@ -207,6 +223,7 @@ void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputF
   output->write("trajectory.tum", formatTum(trajectory));
   output->write("trajectory.kitti", kitti.str());
   output->write("frames.csv", formatFramesCsv(rows));
+  output->write("uncertainty.csv", formatUncertaintyCsv(rows));
   output->write("summary.json", formatSummaryJson(rows, info));
 }
 
@@ -249,7 +266,8 @@ int runOdometry(const Options& options) {
   OfflineRun run = makeRun(*source, options, replay ? &*replay : nullptr);
   const std::vector<StampedPose> truth = source->groundTruth();
   OutputFolder output(options.output);
-  for (const char* name : {"trajectory.tum", "trajectory.kitti", "frames.csv", "summary.json"}) {
+  for (const char* name :
+       {"trajectory.tum", "trajectory.kitti", "frames.csv", "uncertainty.csv", "summary.json"}) {
     output.reserve(name);
   }
   const Clock::time_point begin = Clock::now();
@@ -319,8 +337,9 @@ int runCommandLine(int argc, char** argv) {
     std::cout << "usage: offline_odometry INPUT -o DIR [options]\n\n"
                  "Runs the stereo odometry over INPUT, a bag, the folder of a KITTI or EuRoC\n"
                  "sequence or the synthetic world, and writes to DIR: trajectory.tum,\n"
-                 "trajectory.kitti, frames.csv, summary.json and, where the true motion is known,\n"
-                 "groundtruth.tum. Poses are of the left camera, the first estimate is identity.\n"
+                 "trajectory.kitti, frames.csv, uncertainty.csv, summary.json and, where the true\n"
+                 "motion is known, groundtruth.tum. Poses are of the left camera, the first\n"
+                 "estimate is identity.\n"
                  "The yaml of a recording of the nodelet is replayed from the state in which it\n"
                  "began, with its parameters where no others are given, and compared; its poses\n"
                  "are in odom.\n"

@@ -24,6 +24,14 @@
 
 namespace point_line_odometry {
 
+/// Pose and twist of a frame, and what they claim to be known to; of the camera of the FrameRow.
+struct FrameUncertainty {
+  Matrix6d pose_covariance = Matrix6d::Zero();  ///< along and about the axes of the first camera
+  Vector6d twist = Vector6d::Zero();            ///< in the camera's axes
+  Matrix6d twist_covariance = Matrix6d::Zero();
+  double twist_over_s = 0.0;  ///< as in FrameResult
+};
+
 /// What is kept of a frame for the files of a run.
 struct FrameRow {
   StampedPose pose;  ///< of the left camera (of the raw one if images were rectified)
@@ -34,6 +42,7 @@ struct FrameRow {
   StageTimes times;
   double decode_ms = 0.0;
   double rectify_ms = 0.0;
+  FrameUncertainty uncertainty;
 };
 
 /// What is told of a run besides its frames.
@@ -157,6 +166,33 @@ inline std::string formatFramesCsv(const std::vector<FrameRow>& rows) {
     for (const auto& count : listCounts(row.counts)) text << ',' << count.second;
     text << ',' << row.rms_px;
     for (const auto& time : listTimes(row)) text << ',' << time.second;
+    text << '\n';
+  }
+  return text.str();
+}
+
+/// uncertainty.csv: a row for every frame with its twist and the upper triangles, row by row, of
+/// the covariances of twist and pose; (x, y, z, about x, about y, about z) in m, rad and s.
+inline std::string formatUncertaintyCsv(const std::vector<FrameRow>& rows) {
+  std::ostringstream text = classicStream();
+  text << std::setprecision(9) << "stamp_s,state,twist_over_s";
+  for (int i = 0; i < 6; ++i) text << ",twist_" << i;
+  for (const char* name : {"twist", "pose"}) {
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i; j < 6; ++j) text << ',' << name << "_covariance_" << i << j;
+    }
+  }
+  text << '\n';
+  for (const FrameRow& row : rows) {
+    const FrameUncertainty& u = row.uncertainty;
+    writeStamp(text, row.pose.stamp_ns);
+    text << ',' << toString(row.state) << ',' << u.twist_over_s;
+    for (int i = 0; i < 6; ++i) text << ',' << u.twist[i];
+    for (const Matrix6d* covariance : {&u.twist_covariance, &u.pose_covariance}) {
+      for (int i = 0; i < 6; ++i) {
+        for (int j = i; j < 6; ++j) text << ',' << (*covariance)(i, j);
+      }
+    }
     text << '\n';
   }
   return text.str();
