@@ -153,6 +153,12 @@ std::ostream& operator<<(std::ostream& stream, const Case& test_case) {
 
 void frameToFrame(Parameters* p) { p->window.size = 0; }
 
+/// All points are taken for far ones, so that lines alone tell distances.
+void allFar(Parameters* p) {
+  frameToFrame(p);
+  p->matching.min_disparity_px = 40.0;
+}
+
 /// The fusion solves with outliers or without them, too.
 void withoutFusion(Parameters* p) {
   frameToFrame(p);
@@ -212,6 +218,7 @@ const std::vector<Case>& cases() {
        drive, frameToFrame},
       {"matching/refine_subpixel", [](P p) { p->matching.refine_subpixel = false; }, drive,
        withoutRefinement},
+      {"matching/keep_far_points", [](P p) { p->matching.keep_far_points = false; }, drive, allFar},
       {"matching/wide_search", [](P p) { p->matching.wide_search = false; }, turn, frameToFrame},
       {"motion/residual_images", [](P p) { p->motion.residual_images = "left"; }, drive,
        frameToFrame},
@@ -230,6 +237,7 @@ const std::vector<Case>& cases() {
        frameToFrame},
       {"motion/solve_near_prediction", [](P p) { p->motion.solve_near_prediction = false; },
        passing, frameToFrame},
+      {"motion/predict_weak_axes", [](P p) { p->motion.predict_weak_axes = false; }, drive, allFar},
       {"motion/max_iterations", [](P p) { p->motion.max_iterations = 1; }, drive, frameToFrame},
       {"motion/min_matches", [](P p) { p->motion.min_matches = 1000; }, drive, frameToFrame},
       {"motion/min_inliers", [](P p) { p->motion.min_inliers = 1000; }, drive, frameToFrame},

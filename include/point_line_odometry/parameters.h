@@ -41,6 +41,7 @@ struct MatchingParameters {
   double min_line_overlap = 0.5;
   double min_line_length_ratio = 0.5;
   bool refine_subpixel = true;
+  bool keep_far_points = true;
   bool wide_search = true;
 };
 
@@ -57,6 +58,7 @@ struct MotionParameters {
   bool remove_outliers = true;
   double outlier_threshold = 3.0;
   bool solve_near_prediction = true;
+  bool predict_weak_axes = true;
   int max_iterations = 20;
   int min_matches = 8;
   int min_inliers = 6;
@@ -143,8 +145,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("matching/max_disparity_px", p.matching.max_disparity_px, 1.0, 2000.0, "px",
         "largest disparity looked for; sets the nearest depth");
   visit("matching/min_disparity_px", p.matching.min_disparity_px, 0.1, 100.0, "px",
-        "smallest disparity that tells a distance; farther points tell rotations only, farther "
-        "lines nothing");
+        "smallest disparity that tells a distance; farther lines are dropped");
   visit("matching/max_row_difference_px", p.matching.max_row_difference_px, 0.5, 20.0, "px",
         "how far rows of left and right may differ (delta_v)");
   visit("matching/search_radius_px", p.matching.search_radius_px, 1.0, 500.0, "px",
@@ -165,6 +166,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "length of the shorter line over that of the longer, at least");
   visit("matching/refine_subpixel", p.matching.refine_subpixel,
         "align matched points on the image to sub-pixels");
+  visit("matching/keep_far_points", p.matching.keep_far_points,
+        "points nearer to infinity than min_disparity_px tell the rotation; false: dropped");
   visit("matching/wide_search", p.matching.wide_search,
         "where little is found near the prediction, match points over the whole image and take "
         "the motion on which most of them agree as the prediction");
@@ -196,6 +199,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("motion/solve_near_prediction", p.motion.solve_near_prediction,
         "where a camera can hardly have made the motion on which most matches agree, solve with "
         "those near the prediction alone");
+  visit("motion/predict_weak_axes", p.motion.predict_weak_axes,
+        "where the prediction knows the motion along an axis better than what is seen, combine the "
+        "two by their covariances; the state is DEGRADED");
   visit("motion/max_iterations", p.motion.max_iterations, 1, 200, "",
         "Levenberg-Marquardt steps of a solution");
   visit("motion/min_matches", p.motion.min_matches, 3, 1000, "",

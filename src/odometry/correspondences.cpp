@@ -84,7 +84,7 @@ std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const I
   } else {
     const double disparity_px = left_px.x() - corrected.x();
     // Weighted without its covariance, a far point would say that the camera does not move.
-    if (!context.parameters.motion.use_triangulation_covariance ||
+    if (!matching.keep_far_points || !context.parameters.motion.use_triangulation_covariance ||
         !(disparity_px >= -matching.max_row_difference_px))
       return std::nullopt;
     point.far = true;

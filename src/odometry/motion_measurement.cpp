@@ -277,7 +277,7 @@ MotionEstimate MotionMeter::estimate(const Correspondences& matches,
 /// Where the prediction knows an axis better than what is seen, the two are combined by their
 /// covariances (Kalman's update); elsewhere it would only disturb.
 void MotionMeter::supportWeakAxes(double dt_s, MotionMeasurement* measurement) const {
-  if (!measurement->motion.ok()) return;
+  if (!parameters_.motion.predict_weak_axes || !measurement->motion.ok()) return;
   Eigen::Isometry3d T_prev_curr = Eigen::Isometry3d::Identity();
   Matrix6d prediction = Matrix6d::Zero();
   if (velocity_) {
