@@ -257,15 +257,18 @@ class TwoComputersTest(unittest.TestCase):
         self.check_what_rviz_gets(bag)
 
     def check_gap(self, states):
-        """More than max_frame_gap_s without frames: one new reference, then tracking as before."""
+        """More than max_frame_gap_s without frames: the camera is found in the map or, where it sees
+        too little of that, there is one new reference; then tracking goes on as before."""
         reasons = [reason for _, _, reason in states]
-        self.assertEqual(reasons.count("frame_gap"), 1, states)
-        at = reasons.index("frame_gap")
-        self.assertEqual(set(reasons[:at]), {"first_frame", ""}, states)
-        self.assertEqual(set(reasons[-10:]), {""}, states)
+        gaps_s = [after[0] - before[0] for before, after in zip(states, states[1:])]
+        at = 1 + gaps_s.index(max(gaps_s))
         gap_s = states[at][0] - states[at - 1][0]
+        self.assertEqual(set(reasons[:at]), {"first_frame", ""}, states)
+        self.assertIn(reasons[at], ("", "frame_gap"), states)
+        self.assertNotIn("frame_gap", reasons[at + 1:], states)
+        self.assertEqual(set(reasons[-10:]), {""}, states)
         print(f"link cut for {self.CUT_S} s: {gap_s:.1f} s between frames, {at} frames before, "
-              f"{len(states) - at - 1} after")
+              f"{len(states) - at - 1} after, {'new reference' if reasons[at] else 'found again'}")
         self.assertGreater(gap_s, 1.0)
         self.assertGreater(len(states) - at, 20)
 
