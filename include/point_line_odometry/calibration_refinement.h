@@ -45,6 +45,15 @@ class RightImageCorrection {
   double scale_ = 0.0;
 };
 
+/// What one motion says of the coefficients of the disparity, in information form.
+struct CalibrationEvidence {
+  Eigen::Matrix<double, RightImageCorrection::kTerms, RightImageCorrection::kTerms> information =
+      decltype(information)::Zero();
+  RightImageCorrection::Coefficients vector = RightImageCorrection::Coefficients::Zero();
+
+  auto state() { return std::tie(information, vector); }
+};
+
 /// Estimates the correction of the right image while the odometry runs. Rows that differ between
 /// left and right show v directly. A biased disparity, u, shows when the camera moves: the depths
 /// that it gives do not fit the flow of the pixels. Each frame adds its information on the
@@ -92,20 +101,14 @@ class CalibrationRefinement {
     auto state() { return std::tie(prior, information, vector); }
   };
 
-  /// What one motion says of the coefficients, in information form.
-  struct Evidence {
-    Information information = Information::Zero();
-    Coefficients vector = Coefficients::Zero();
-    auto state() { return std::tie(information, vector); }
-  };
-
-  void add(const Evidence& evidence, double share_of_new);
+  void add(const CalibrationEvidence& evidence, double share_of_new);
 
   StereoCamera camera_;
   RightImageCorrection correction_;
   Belief u_;
   Belief v_;
-  std::optional<Evidence> waiting_;  // of a motion whose share of new features is not known yet
+  /// Of a motion whose share of new features is not known yet.
+  std::optional<CalibrationEvidence> waiting_;
 };
 
 inline auto CalibrationRefinement::state() {

@@ -116,13 +116,13 @@ void CalibrationRefinement::addMotion(const Correspondences& correspondences,
   const Information information = by_terms - mixed * solver.solve(mixed.transpose());
   const Coefficients vector = terms_vector - mixed * solver.solve(motion_vector);
   if (!information.allFinite() || !vector.allFinite()) return;
-  const Evidence evidence{information, information * correction_.u + vector};
+  const CalibrationEvidence evidence{information, information * correction_.u + vector};
   if (share_of_new && waiting_) add(*waiting_, *share_of_new);
   waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
   if (share_of_new) add(evidence, *share_of_new);
 }
 
-void CalibrationRefinement::add(const Evidence& evidence, double share_of_new) {
+void CalibrationRefinement::add(const CalibrationEvidence& evidence, double share_of_new) {
   const double weight = share_of_new * share_of_new;
   u_.add(weight * evidence.information, weight * evidence.vector);
   correction_.u = u_.mean();

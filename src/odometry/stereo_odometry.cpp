@@ -618,7 +618,7 @@ template <typename Archive>
 void StereoOdometry::Impl::visitState(Archive* archive) {
   auto& [input_camera, parameters, reduction, threads, detector, refinement, state, failed_windows,
          history, lost, noise, T_odom_map, window, pose, output, last_stamp_ns] = *this;
-  static_cast<void>(std::tie(input_camera, reduction, threads, detector, window));
+  static_cast<void>(std::tie(input_camera, parameters, reduction, threads, detector, window));
   archive->visit(refinement);
   archive->visit(state);
   const auto visit_history = [&](FrameHistory* frames) {
@@ -626,7 +626,7 @@ void StereoOdometry::Impl::visitState(Archive* archive) {
     archive->visit(frames->before_reference);
     bool has_map = frames->map.has_value();
     archive->visit(has_map);
-    if (has_map && !frames->map) frames->map.emplace(parameters.window, parameters.local_map);
+    if (has_map && !frames->map) frames->map.emplace(parameters_.window, parameters_.local_map);
     if (!has_map) frames->map.reset();
     if (has_map) archive->visit(*frames->map);
   };
