@@ -94,7 +94,7 @@ struct FrameCounts {
   int map_line_inliers = 0;
   int keyframes = 0;
   int failed_windows = 0;   ///< ended without a solution since the last frame
-  int relocalizations = 0;  ///< 1 if the camera was found again by the looks of the landmarks alone
+  int relocalizations = 0;  ///< 1 if the camera was found again after its way was lost
 };
 
 /// A matched point, in the current left camera.

@@ -109,17 +109,19 @@ void adoptPlaces(const WindowMoves& moves, const std::vector<Solved>& solved,
 
 }  // namespace
 
+int countInliers(const std::vector<bool>& inliers, std::size_t num_matches) {
+  const auto end = inliers.begin() + static_cast<std::ptrdiff_t>(num_matches);
+  return static_cast<int>(std::count(inliers.begin(), end, true));
+}
+
 double shareFound(const MapSights& sights, const MotionEstimate& motion) {
-  const auto num = [](const std::vector<bool>& list, std::size_t size) {
-    const auto end = list.begin() + static_cast<std::ptrdiff_t>(std::min(size, list.size()));
-    return static_cast<double>(std::count(list.begin(), end, true));
+  const auto in_view = [](const std::vector<bool>& landmarks) {
+    return std::count(landmarks.begin(), landmarks.end(), true);
   };
-  const std::vector<bool>& points = sights.point_in_view;
-  const std::vector<bool>& lines = sights.line_in_view;
-  const double in_view = num(points, points.size()) + num(lines, lines.size());
-  const double found = num(motion.point_inliers, sights.points.size()) +
-                       num(motion.line_inliers, sights.lines.size());
-  return found / std::max(in_view, 1.0);
+  const auto all = in_view(sights.point_in_view) + in_view(sights.line_in_view);
+  const int found = countInliers(motion.point_inliers, sights.points.size()) +
+                    countInliers(motion.line_inliers, sights.lines.size());
+  return static_cast<double>(found) / std::max(static_cast<double>(all), 1.0);
 }
 
 MapSights LocalMap::find(const StereoFrame& frame, const FrameContext& context,

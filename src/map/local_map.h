@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -24,6 +25,9 @@ struct LandmarkCandidates {
   /// Points not matched with the previous frame: they came into view, or look other than there.
   std::vector<int> unmatched_points;
 };
+
+/// How many of the first so many matches are inliers; beyond them they are of other measurements.
+int countInliers(const std::vector<bool>& inliers, std::size_t num_matches);
 
 /// Of the landmarks that should be in view, the share that was found and agrees with a motion.
 double shareFound(const MapSights& sights, const MotionEstimate& motion);

@@ -129,7 +129,7 @@ MotionMeasurement MotionMeter::relocalize(const StereoFrame& curr) const {
   MotionMeasurement measurement;
   measurement.reason = TrackingReason::kTooFewInliers;
   const StageTimer timer(times_, Stage::kMap);
-  if (!history_.map) return measurement;
+  if (!history_.map || curr.points.size() < kMinConsensus) return measurement;
   const LocalMap& map = *history_.map;
   std::optional<Eigen::Isometry3d> T_curr_reference = searchWidely(knownPoints(map), curr);
   // The consensus knows the pose to a few pixels, at which only some landmarks are found at once.

@@ -224,12 +224,14 @@ MotionMeasurement StereoOdometry::Impl::measure(const StereoFrame& curr,
     const MotionMeter meter(history_, pose_.velocity(), context, threads_.get(), times);
     const bool gap = dt_s > parameters_.tracking.max_frame_gap_s;
     measurement = gap ? meter.relocalize(curr) : meter.measure(curr);
-    if (measurement.relocalized &&
-        !isWithinReach(pose_.T_odom_reference(), measurement.motion, curr.stamp_ns, dt_s)) {
+    const bool refused =
+        measurement.relocalized
+            ? !isWithinReach(pose_.T_odom_reference(), measurement.motion, curr.stamp_ns, dt_s)
+            : gap;
+    if (refused) {
       measurement = MotionMeasurement();
-      measurement.reason = TrackingReason::kTooFewInliers;
+      measurement.reason = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
     }
-    if (gap && !measurement.relocalized) measurement.reason = TrackingReason::kFrameGap;
   }
   if (measurement.relocalized || !lost_) return measurement;
   const bool measured = measurement.reason == TrackingReason::kNone;
@@ -533,14 +535,10 @@ void StereoOdometry::Impl::report(const StereoFrame& curr, const MotionMeasureme
   counts.relocalizations = isFoundAgain(measurement) ? 1 : 0;
   if (history_.map) {
     const MapSights& sights = measurement.sights;
-    const auto count = [](const std::vector<bool>& inliers, std::size_t size) {
-      const auto end = inliers.begin() + static_cast<std::ptrdiff_t>(size);
-      return static_cast<int>(std::count(inliers.begin(), end, true));
-    };
     counts.map_points = static_cast<int>(history_.map->numPoints());
     counts.map_lines = static_cast<int>(history_.map->numLines());
-    counts.map_point_inliers = count(measurement.motion.point_inliers, sights.points.size());
-    counts.map_line_inliers = count(measurement.motion.line_inliers, sights.lines.size());
+    counts.map_point_inliers = countInliers(measurement.motion.point_inliers, sights.points.size());
+    counts.map_line_inliers = countInliers(measurement.motion.line_inliers, sights.lines.size());
     counts.keyframes = static_cast<int>(history_.map->numKeyframes());
   }
   result->counts = counts;
