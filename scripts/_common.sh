@@ -1,4 +1,4 @@
-# Shared by the scripts beside this file, which source it. Bash.
+# Shared by the scripts in this folder, which source it. Bash.
 # shellcheck shell=bash
 
 package=point_line_odometry
@@ -8,7 +8,7 @@ noetic=/opt/ros/noetic
 
 step() { printf '\n=== %s\n' "$*"; }
 
-# Why the script cannot go on, as one sentence; exit code 2.
+# Ends the script with a reason, one sentence, and exit code 2.
 stop() {
   printf '%s: %s\n' "$(basename "$0")" "$*" >&2
   exit 2
@@ -34,7 +34,7 @@ use_ros() {
   if [[ -f $noetic/setup.bash ]]; then source_setup "$noetic/setup.bash"; fi
 }
 
-# From here on a workspace of its own, for another kind of build: .workspace/NAME.
+# Uses a separate workspace from here on, for another kind of build: .workspace/NAME.
 use_workspace() { workspace=$repository/.workspace/$1; }
 
 # Makes the package in the workspace: a folder with links to what the repository has. A link to the
@@ -59,7 +59,7 @@ link_package() {
 catkin_in_workspace() {
   local options=(-DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3)
   options+=(-DCMAKE_EXPORT_COMPILE_COMMANDS=ON)  # for clang-tidy
-  # The GMock that Debian 11 has for CMake gets lost when catkin runs CMake a second time.
+  # Debian 11's GMock is not found any more when catkin runs CMake a second time.
   options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
   if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
   link_package

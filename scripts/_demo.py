@@ -1,6 +1,6 @@
 #!/usr/bin/python3 -B
 """Installs and builds the package, drives a stereo camera through synthetic worlds in a roscore of
-its own, and shows what the odometry makes of its images: a table, and pictures in a folder.
+its own, and shows the results of the odometry: a table, and images in a folder.
 """
 import argparse
 import ctypes
@@ -24,7 +24,7 @@ EXCERPT_LINES = 15
 LINE_PERIOD_S = 10.0
 
 EPILOG = """\
-Folder: overview.png, all in one picture; for every scene SCENE_trajectory.png, SCENE_errors.png,
+Folder: overview.png, all in one image; for every scene SCENE_trajectory.png, SCENE_errors.png,
 SCENE_times.png, SCENE_features.png, SCENE_estimate.tum and SCENE_groundtruth.tum; results.csv and
 results.json. An earlier demo's files are replaced once the new ones are complete.
 
@@ -37,12 +37,12 @@ Exit code: 0 all is well, 1 a scene failed or the odometry was lost, 2 the demo 
 
 
 class DemoError(Exception):
-    """Why the demo cannot be run; the text is one sentence with the cure."""
+    """Why the demo cannot be run; the text is one sentence with a hint."""
 
 
 class Display:
-    """Tells how far the demo is: numbered steps with the time since the start, and below each a
-    line that a terminal rewrites; elsewhere such a line comes every ten seconds."""
+    """Shows the progress of the demo: numbered steps with the time since the start, and below each a
+    line that a terminal rewrites; without a terminal it is printed every ten seconds."""
 
     def __init__(self, num_steps: int) -> None:
         self._begin = time.monotonic()
@@ -61,7 +61,7 @@ class Display:
         return '{}:{:02}'.format(*divmod(int(time.monotonic() - self._begin), 60))
 
     def show(self, text: str) -> None:
-        """The state of the step, told now or, if something was told just before, never."""
+        """Shows the state of the step, unless something was shown just before."""
         now = time.monotonic()
         if now - self._shown < (0.1 if self._is_terminal else LINE_PERIOD_S):
             return
@@ -74,7 +74,7 @@ class Display:
             print(text, flush=True)
 
     def say(self, text: str) -> None:
-        """Prints a line that stays."""
+        """Prints a permanent line."""
         print(('\r\033[K' if self._is_terminal else '') + text, flush=True)
 
 
@@ -90,14 +90,14 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='demo', description=__doc__, epilog=EPILOG,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--scene', action='append', choices=list(FRAMES), dest='scenes',
-                        help='what to drive through; may be given more than once (default: all)')
+                        help='scene to drive through; may be given more than once (default: all)')
     parser.add_argument('--rviz', action='store_true',
                         help='drive through one scene (default: street) without end and show it '
                              'in rviz; closing rviz, or Ctrl-C, ends the drive')
     parser.add_argument('--seed', metavar='N', type=number(0, 1000000),
-                        help='each seed is a world of its own')
+                        help='each seed gives a different world')
     parser.add_argument('--frames', metavar='N', type=number(2, 1000000),
-                        help='end each drive after so many frames (default: '
+                        help='number of frames after which to end each drive (default: '
                              + ', '.join(f'{name} {count}' for name, count in FRAMES.items()) + ')')
     parser.add_argument('-o', '--output', metavar='DIR', default='demo_results',
                         help='folder for the results (default: ./%(default)s)')
@@ -110,7 +110,7 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
 
 
 def check_options(options: argparse.Namespace) -> None:
-    """Raises DemoError for what would fail only later."""
+    """Raises DemoError for options that would fail only later."""
     if options.rviz and not has_display():
         raise DemoError('--rviz needs a graphical display, and there is none (DISPLAY is '
                         f'{os.environ.get("DISPLAY") or "not set"}): start it in a desktop session '
@@ -124,7 +124,7 @@ def check_options(options: argparse.Namespace) -> None:
 
 
 def has_display() -> bool:
-    """Whether there is a display that lets us draw; yes if that cannot be told, without Xlib."""
+    """True if there is a display that can be used, or if that is unknown, without Xlib."""
     if not os.environ.get('DISPLAY'):
         return False
     try:
@@ -139,7 +139,7 @@ def has_display() -> bool:
 
 
 def excerpt(log: str) -> str:
-    """The lines of a log that tell of errors, else its last ones; indented, without colours."""
+    """The lines of a log with errors, else its last ones; indented, without colours."""
     plain = re.sub('\033(\\[[0-9;]*m|\\][^\007]*\007)', '', log)
     lines = [line.rstrip() for line in plain.splitlines() if line.strip()]
     errors = [line for line in lines if re.search('error|fatal|has died', line, re.IGNORECASE)]
@@ -148,7 +148,7 @@ def excerpt(log: str) -> str:
 
 def install(display: Display) -> None:
     """Installs what is missing; sudo may ask for the password on the terminal."""
-    # In this session and group of processes, without which the terminal does not let sudo ask.
+    # In this session and process group, as otherwise sudo cannot read from the terminal.
     process = subprocess.Popen([os.path.join(REPOSITORY, 'scripts', 'setup')],
                                stdout=subprocess.PIPE, universal_newlines=True, errors='replace')
     try:
@@ -160,7 +160,7 @@ def install(display: Display) -> None:
 
 
 def build(display: Display) -> None:
-    """Builds the package; what the compiler says goes to a file."""
+    """Builds the package; the output of the compiler goes to a file."""
     os.makedirs(WORKSPACE, exist_ok=True)
     log_path = os.path.join(WORKSPACE, 'demo_build.log')
     process = subprocess.Popen([os.path.join(REPOSITORY, 'scripts', 'build')],
@@ -192,7 +192,7 @@ def show_output(process: Any, display: Display, log: Any = None) -> None:
 
 
 def enter_workspace() -> None:
-    """Takes over the environment in which the built package is found."""
+    """Sets the environment of the workspace in this process."""
     script = 'load() { source "$0"; }; load >&2 && exec env --null'
     command = ['bash', '-c', script, os.path.join(WORKSPACE, 'devel', 'setup.bash')]
     result = subprocess.run(command, stdout=subprocess.PIPE, check=True)
@@ -204,7 +204,7 @@ def enter_workspace() -> None:
 
 
 def run_scenes(options: argparse.Namespace, display: Display, scratch: str) -> List[str]:
-    """Drives and reports; sentences on what went wrong. Uses `scratch` for what is not complete."""
+    """Drives and reports; returns the problems. `scratch` is for incomplete files."""
     # Can be imported only now, after the installation.
     import _demo_drive as drive
     import _demo_report as report
@@ -247,7 +247,7 @@ def run_scenes(options: argparse.Namespace, display: Display, scratch: str) -> L
 
 
 def keep_log(scene: str, text: str) -> str:
-    """Keeps what the programs said in a scene that failed; the path of the file."""
+    """Keeps the log of a scene that failed; returns the path of the file."""
     path = os.path.join(WORKSPACE, f'demo_{scene}.log')
     with open(path, 'w', encoding='utf-8') as log:
         log.write(text)
@@ -285,7 +285,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def ignore_signals() -> None:
-    """From now on nothing ends the demo but itself."""
+    """Ignores signals from now on, while the demo is ending."""
     for number in END_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 

@@ -1,7 +1,7 @@
-"""Drives through a synthetic world in a roscore of its own and records what the odometry answers.
+"""Drives through a synthetic world in a roscore of its own and records the results of the odometry.
 
-Nothing is lost: the camera begins when the recorder listens to everything, and sends a frame when
-the recorder has all messages of the one before.
+No message is lost: the camera begins when the recorder has subscribed to all topics, and sends a
+frame when the recorder has all messages of the one before.
 """
 import os
 import re
@@ -30,7 +30,7 @@ END_S = 30.0      # roslaunch gives its nodes 17 s
 POLL_S = 0.1
 FASTEST = 100.0   # as fast as the computer can
 
-# Debian 11's rospy ends with this method, which Debian 11's Python has no more.
+# Debian 11's rospy calls this method at its end, which Debian 11's Python does not have any more.
 if not hasattr(threading.Thread, 'isAlive'):
     setattr(threading.Thread, 'isAlive', threading.Thread.is_alive)
 
@@ -45,7 +45,7 @@ class Drive(NamedTuple):
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ignores what asks for an end while something is being ended."""
+    """Ignores signals while something is being ended."""
     numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
     handlers = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:
@@ -56,7 +56,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def start(command: List[str], log_path: str) -> Any:
-    """Starts a program in a session of its own; it is told to end if this process dies."""
+    """Starts a program in a session of its own; it ends if this process dies."""
     with open(log_path, 'w', encoding='utf-8') as log:
         return subprocess.Popen(['setpriv', '--pdeathsig', 'INT', *command],
                                 stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
@@ -64,7 +64,7 @@ def start(command: List[str], log_path: str) -> Any:
 
 
 def stop(process: Any) -> None:
-    """Tells a roslaunch or roscore to end, and waits until all that it has started has ended."""
+    """Ends a roslaunch or roscore, and waits until all that it has started has ended."""
     with uninterrupted():
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -94,8 +94,8 @@ def launch_command(drive: Drive) -> List[str]:
 
 
 class Recorder:
-    """Writes the messages of every frame into a bag, and one picture: that in which points and line
-    segments are many."""
+    """Writes the messages of every frame into a bag, and one image of features: that with many points
+    and line segments."""
 
     TYPES = {ODOMETRY: Odometry, TRUTH: Odometry, INFO: OdometryInfo}
 
@@ -186,12 +186,12 @@ class Graph:
         return os.path.join(self._folder, scene + '.bag')
 
     def log(self, scene: str) -> str:
-        """What the programs said in a scene."""
+        """The log of the programs in a scene."""
         with open(self._log_path(scene), encoding='utf-8', errors='replace') as stream:
             return stream.read()
 
     def drive(self, drive: Drive, show: Callable[[str], None]) -> str:
-        """Records a drive into its bag; what came of it, in words. `show` gets how far it is."""
+        """Records a drive into its bag; returns a summary. `show` is called with the progress."""
         begin = time.monotonic()
         with ExitStack() as cleanup:
             recorder = Recorder(self.bag(drive.scene))
@@ -230,12 +230,12 @@ class Graph:
         deadline = time.monotonic() + START_S
         while not rosgraph.is_master_online():
             if roscore.poll() is not None or time.monotonic() > deadline:
-                raise SceneError('roscore does not start: see what "roscore -p 0" says')
+                raise SceneError('roscore does not start: see the output of "roscore -p 0"')
             time.sleep(POLL_S)
 
 
 def describe(done: int, total: int, duration_s: float) -> str:
-    """How far a drive is, as text."""
+    """The progress of a drive as text."""
     if done == 0:
         return 'starting'
     speed = f', {done / duration_s:.1f} frames/s' if duration_s > 1.0 else ''

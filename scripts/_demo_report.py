@@ -1,4 +1,4 @@
-"""What the demo shows of its recordings: trajectories, figures, the table and the pictures."""
+"""The report of the demo on its recordings: trajectories, errors, the table and the images."""
 import csv
 import io
 import json
@@ -8,9 +8,10 @@ from typing import Any, Dict, List, NamedTuple, Optional
 import numpy as np
 import rosbag
 
-from _sequences import load_evaluation, write_text
+from _sequences import load_script, write_text
 
-evaluation = load_evaluation()
+report = load_script('report_run')
+evaluation = report.evaluation
 
 ODOMETRY = '/stereo/odom'
 TRUTH = '/ground_truth/odom'
@@ -34,7 +35,7 @@ ROWS = [('frames', 'frames', 0), ('path_m', 'path length [m]', 1),
         ('time_ms', 'time per frame, median [ms]', 1),
         ('ok', 'frames OK', 0), ('degraded', 'frames DEGRADED', 0), ('lost', 'frames LOST', 0)]
 
-NOTE = ("Times are the odometry's own, taken while the next images were rendered on the same "
+NOTE = ("Times are the odometry's own, measured while the next images were rendered on the same "
         'processor.')
 
 
@@ -43,12 +44,12 @@ class SceneError(Exception):
 
 
 class Recording(NamedTuple):
-    """What a bag has: lines of TUM files by stamp [ns], what the odometry said of each frame, and
-    a picture (height, width, 3) RGB if there is one."""
+    """What a bag has: lines of TUM files by stamp [ns], the OdometryInfo of each frame, and an
+    image of features (height, width, 3) RGB if there is one."""
     estimate: Dict[int, str]
-    truth: Dict[int, str]
+    ground_truth: Dict[int, str]
     infos: List[Any]
-    picture: Optional[np.ndarray]
+    image: Optional[np.ndarray]
 
 
 class Scene(NamedTuple):
@@ -73,7 +74,7 @@ def tum_line(message: Any) -> str:
     return f'{stamp.secs}.{stamp.nsecs:09} ' + ' '.join(f'{number:.9f}' for number in numbers)
 
 
-def to_picture(message: Any) -> np.ndarray:
+def to_image(message: Any) -> np.ndarray:
     """A bgr8 sensor_msgs/Image as an array (height, width, 3) RGB."""
     rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
     return rows[:, :3 * message.width].reshape(message.height, message.width, 3)[:, :, ::-1]
@@ -88,11 +89,11 @@ def read_recording(path: str) -> Recording:
             if topic == ODOMETRY:
                 recording.estimate[stamp_ns] = tum_line(message)
             elif topic == TRUTH:
-                recording.truth[stamp_ns] = tum_line(message)
+                recording.ground_truth[stamp_ns] = tum_line(message)
             elif topic == INFO:
                 recording.infos.append(message)
             else:
-                recording = recording._replace(picture=to_picture(message))
+                recording = recording._replace(image=to_image(message))
     return recording
 
 
@@ -102,16 +103,16 @@ def write_tum(path: str, lines: Dict[int, str]) -> None:
 
 
 def count_missing(recording: Recording, frames: int) -> int:
-    """How many frames have no estimate: of so many, or with 0 of those until the last estimate."""
+    """Number of frames without an estimate: of `frames`, or with 0 of those until the last estimate."""
     if frames:
         return frames - len(recording.estimate)
     latest = max(recording.estimate, default=0)
-    return sum(1 for stamp in recording.truth if stamp <= latest) - len(recording.estimate)
+    return sum(1 for stamp in recording.ground_truth if stamp <= latest) - len(recording.estimate)
 
 
-def score(recording: Recording, frames: int, truth_path: str, estimate_path: str) -> Scene:
+def score(recording: Recording, frames: int, ground_truth_path: str, estimate_path: str) -> Scene:
     """The figures of a recording; the trajectories are in these files already."""
-    arguments = ['--groundtruth', truth_path, '--estimate', estimate_path]
+    arguments = ['--groundtruth', ground_truth_path, '--estimate', estimate_path]
     try:
         matches, scores = evaluation.run(evaluation.parse_arguments(arguments))
     except evaluation.InputError as error:
@@ -132,7 +133,7 @@ def score(recording: Recording, frames: int, truth_path: str, estimate_path: str
 
 
 def find_problems(scene: Scene) -> List[str]:
-    """What should not be, in words."""
+    """Problems of a scene, as text."""
     problems = []
     figures = scene.figures
     if figures['missing']:
@@ -172,20 +173,6 @@ def stage_times(infos: List[Any]) -> Dict[str, np.ndarray]:
     return times
 
 
-def draw_times(axes: Any, infos: List[Any]) -> None:
-    """Times per frame as a stack of the stages."""
-    times = stage_times(infos)
-    labels = [f'{name}, {np.median(values):.1f}' for name, values in times.items()]
-    axes.stackplot(np.arange(len(infos)), *times.values(), labels=labels, linewidth=0.0)
-    total = sum(times.values())
-    axes.axhline(np.median(total), color='k', linestyle='--', linewidth=1.0,
-                 label=f'total, {np.median(total):.1f}')
-    axes.set(xlabel='frame', ylabel='time [ms]', ylim=(0, 1.5 * np.percentile(total, 98)))
-    axes.margins(x=0)
-    axes.grid(True, linewidth=0.5, alpha=0.5)
-    axes.legend(loc='upper center', ncol=2, fontsize=8, title='median [ms]', title_fontsize=8)
-
-
 def plot_times(infos: List[Any]) -> Any:
     """Figure of the times: a box for each stage and the total, and their stack over the frames."""
     from matplotlib.figure import Figure
@@ -199,20 +186,8 @@ def plot_times(infos: List[Any]) -> Any:
     axes.set_xlabel('time [ms]; box: half of the frames, line: median')
     axes.set_xlim(left=0)
     axes.grid(True, axis='x', linewidth=0.5, alpha=0.5)
-    draw_times(figure.add_subplot(2, 1, 2), infos)
+    report.draw_times(figure.add_subplot(2, 1, 2), stage_times(infos))
     return figure
-
-
-def draw_trajectory(axes: Any, matches: Any) -> None:
-    """Both trajectories from above, first poses aligned."""
-    truth = matches.truth[:, :2, 3]
-    estimate = evaluation.align_first(matches)[:, :2, 3]
-    axes.plot(*estimate.T, color='tab:blue', linewidth=2.0, label='estimate')
-    axes.plot(*truth.T, 'k--', linewidth=1.2, label='ground truth')
-    axes.plot(*truth[0], 'o', color='tab:green', markersize=7, label='start')
-    axes.set_aspect('equal', adjustable='datalim')
-    axes.set(xlabel='x [m]', ylabel='y [m]')
-    axes.grid(True, linewidth=0.5, alpha=0.5)
 
 
 def draw_scene(figure: Any, cells: Any, name: str, scene: Scene) -> None:
@@ -221,11 +196,11 @@ def draw_scene(figure: Any, cells: Any, name: str, scene: Scene) -> None:
     axes.axis('off')
     axes.set_anchor('NW')
     axes.set_title(describe(name, scene), loc='left')
-    if scene.recording.picture is not None:
-        axes.imshow(scene.recording.picture, interpolation='bilinear')
+    if scene.recording.image is not None:
+        axes.imshow(scene.recording.image, interpolation='bilinear')
     axes = figure.add_subplot(cells[0, 1])
-    draw_trajectory(axes, scene.matches)
-    axes.legend(loc='best', fontsize=8)
+    report.draw_trajectory(axes, evaluation.align_first(scene.matches)[:, :3, 3],
+                           scene.matches.ground_truth[:, :3, 3])
     rows = scene.scores['short']['per_length'] + scene.scores['kitti']['per_length']
     errors = cells[0, 2].subgridspec(2, 1, hspace=0.45)
     for cell, key, label in ((errors[0, 0], 't_rel_percent', 'translation [%]'),
@@ -234,14 +209,14 @@ def draw_scene(figure: Any, cells: Any, name: str, scene: Scene) -> None:
         evaluation.plot_segment_errors(axes, rows, key, label)
         for text in (axes.yaxis.label, *axes.texts):
             text.set_fontsize(8)
-    draw_times(figure.add_subplot(cells[0, 3]), scene.recording.infos)
+    report.draw_times(figure.add_subplot(cells[0, 3]), stage_times(scene.recording.infos))
 
 
 def row_height(scene: Scene) -> float:
     """Inches for a row of the poster: enough for an image of 7 inches' width with its title, and
     not too little for the rest."""
-    picture = scene.recording.picture
-    shape = (1, 3) if picture is None else picture.shape
+    image = scene.recording.image
+    shape = (1, 3) if image is None else image.shape
     return min(max(7.0 * shape[0] / shape[1] + 1.3, 4.2), 5.4)
 
 
@@ -274,28 +249,23 @@ def describe(name: str, scene: Scene) -> str:
             f'end error {end} % of the path, absolute trajectory error {figures["ate_m"]:.3f} m')
 
 
-def write_figure(path: str, figure: Any) -> None:
-    """Writes a figure as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    evaluation.write_atomically(path, FigureCanvasAgg(figure).print_png)
-
-
 def report_scene(name: str, frames: int, bag: str, folder: str) -> Scene:
     """Writes a scene's files; its results. SceneError if there are no two frames."""
     recording = read_recording(bag)
-    if min(len(recording.estimate), len(recording.truth), len(recording.infos)) < 2:
+    if min(len(recording.estimate), len(recording.ground_truth), len(recording.infos)) < 2:
         of_frames = f' of {frames}' if frames else ''
         raise SceneError(f'the odometry answered only {len(recording.estimate)}{of_frames} frames')
     prefix = os.path.join(folder, name + '_')
     write_tum(prefix + 'estimate.tum', recording.estimate)
-    write_tum(prefix + 'groundtruth.tum', recording.truth)
+    write_tum(prefix + 'groundtruth.tum', recording.ground_truth)
     scene = score(recording, frames, prefix + 'groundtruth.tum', prefix + 'estimate.tum')
-    write_figure(prefix + 'trajectory.png', evaluation.plot_trajectory(scene.matches))
-    write_figure(prefix + 'errors.png', evaluation.plot_errors(scene.matches, scene.scores))
-    write_figure(prefix + 'times.png', plot_times(recording.infos))
-    if recording.picture is not None:
+    evaluation.write_figure(prefix + 'trajectory.png', evaluation.plot_trajectory(scene.matches))
+    evaluation.write_figure(prefix + 'errors.png',
+                            evaluation.plot_errors(scene.matches, scene.scores))
+    evaluation.write_figure(prefix + 'times.png', plot_times(recording.infos))
+    if recording.image is not None:
         from matplotlib.image import imsave
-        imsave(prefix + 'features.png', recording.picture)
+        imsave(prefix + 'features.png', recording.image)
     return scene
 
 
@@ -311,10 +281,10 @@ def format_csv(scenes: Dict[str, Scene]) -> str:
 
 
 def write_summaries(scenes: Dict[str, Scene], folder: str) -> None:
-    """Writes the files that tell of all scenes."""
+    """Writes the files on all scenes."""
     content = {name: {**scene.figures, 'per_length': scene.scores['short']['per_length']
                       + scene.scores['kitti']['per_length']} for name, scene in scenes.items()}
     write_text(os.path.join(folder, 'results.json'),
                json.dumps(content, indent=2, allow_nan=False) + '\n')
     write_text(os.path.join(folder, 'results.csv'), format_csv(scenes))
-    write_figure(os.path.join(folder, 'overview.png'), plot_overview(scenes))
+    evaluation.write_figure(os.path.join(folder, 'overview.png'), plot_overview(scenes))

@@ -1,9 +1,12 @@
-"""The figures of the report that scripts/report_sequences makes, both methods side by side."""
+"""The figures of the report that scripts/report_sequences makes, both methods next to each other."""
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
 from _report_results import Entry, Report, Result
+from _sequences import load_script
+
+page = load_script('report_run')
 
 COLOURS = {'paper': 'tab:blue', 'default': 'tab:orange'}
 PUBLISHED_COLOURS = ('0.35', '0.6', '0.8')
@@ -18,28 +21,28 @@ PIECE_ERRORS = tuple(('short_' + key, label) for key, label in WHOLE_ERRORS)
 
 def new_figure(width: float, height: float, dpi: int = DPI) -> Any:
     """A figure of this size in inches."""
-    # Matplotlib is imported only where it draws: it may print about its cache on import.
+    # Matplotlib is imported only where it is used: it may print about its cache on import.
     from matplotlib.figure import Figure
     return Figure(figsize=(width, height), dpi=dpi, constrained_layout=True)
 
 
 def colour_of(report: Report, method: str) -> str:
-    """Blue for a method that stands alone, as in the paper."""
+    """Blue for a single method, as in the paper."""
     return COLOURS[method] if len(report.methods) > 1 else 'tab:blue'
 
 
-def draw_pictures(report: Report, layout: str) -> Optional[Any]:
+def draw_images(report: Report, layout: str) -> Optional[Any]:
     """Figures 5 and 8: the features on an image from the middle of each sequence, which has a row,
     and each method a column."""
     from matplotlib.image import imread
     entries = report.of_layout(layout)
     if not entries:
         return None
-    pictures = {(entry.name, method): imread(entry.runs[method].picture)
+    images = {(entry.name, method): imread(entry.runs[method].image)
                 for entry in entries for method in entry.runs}
     columns, width = len(report.methods), 7.0
-    heights = [max(width * pictures[entry.name, method].shape[0]
-                   / pictures[entry.name, method].shape[1] for method in entry.runs) + 0.35
+    heights = [max(width * images[entry.name, method].shape[0]
+                   / images[entry.name, method].shape[1] for method in entry.runs) + 0.35
                for entry in entries]
     figure = new_figure(width * columns, sum(heights), PICTURE_DPI)
     grid = figure.add_gridspec(len(entries), columns, height_ratios=heights)
@@ -48,7 +51,7 @@ def draw_pictures(report: Report, layout: str) -> Optional[Any]:
             if method not in entry.runs:
                 continue
             axes = figure.add_subplot(grid[row, column])
-            axes.imshow(pictures[entry.name, method], interpolation='bilinear')
+            axes.imshow(images[entry.name, method], interpolation='bilinear')
             axes.set_title(f'{entry.name}, {method}', fontsize=9)
             axes.axis('off')
     return figure
@@ -57,11 +60,11 @@ def draw_pictures(report: Report, layout: str) -> Optional[Any]:
 def draw_trajectory(axes: Any, report: Report, entry: Entry) -> None:
     """The true trajectory and those of all methods in the ground truth's two widest axes."""
     for method, result in entry.runs.items():
-        truth = result.positions[:, :3]
-        shown = sorted(np.argsort(-np.ptp(truth, axis=0), kind='stable')[:2])
+        ground_truth = result.positions[:, :3]
+        shown = sorted(np.argsort(-np.ptp(ground_truth, axis=0), kind='stable')[:2])
         axes.plot(*result.positions[:, 3:][:, shown].T, color=colour_of(report, method),
                   linewidth=1.4, label=f'estimate, {method}')
-    axes.plot(*truth[:, shown].T, 'k--', linewidth=1.0, label='ground truth')
+    axes.plot(*ground_truth[:, shown].T, 'k--', linewidth=1.0, label='ground truth')
     axes.set_aspect('equal', adjustable='datalim')
     axes.set_title(entry.name, fontsize=9)
     axes.set_xlabel(f'{"xyz"[shown[0]]} [m]', fontsize=8)
@@ -140,7 +143,7 @@ def draw_bars(axes: Any, entries: List[Entry], series: List[Series]) -> None:
 
 def draw_chart(report: Report) -> Optional[Any]:
     """Figure 6: the errors of each KITTI sequence as bars, those of both methods and of published
-    systems side by side, and the paper's mean as a line."""
+    systems next to each other, and the paper's mean as a line."""
     rows = chart_rows(report)
     if not rows:
         return None
@@ -177,7 +180,7 @@ def draw_lengths(axes: Any, lines: List[Tuple[str, Dict[str, Any], Result]], key
 
 
 def set_decades(axes: Any, values: List[float]) -> None:
-    """A logarithmic y axis of whole decades: one run that is lost would press all others to 0."""
+    """A logarithmic y axis of whole decades, as one run that is lost has much larger errors."""
     exponents = np.log10([value for value in values if value > 0.0] or [1.0])
     axes.set_yscale('log')
     axes.set_ylim(10 ** np.floor(exponents.min()), 10 ** np.ceil(exponents.max() + 1e-9))
@@ -214,22 +217,6 @@ def draw_segment_errors(report: Report) -> Optional[Any]:
     return figure
 
 
-def draw_histogram(axes: Any, residuals: Dict[str, Any]) -> None:
-    """Weighted residuals, beside the distribution that they would have if the weights were true."""
-    width = residuals['bin_width']
-    for kind, colour in (('points', 'tab:orange'), ('lines', 'tab:blue')):
-        counts = np.array(residuals[kind]['counts'], float)
-        edges = width * (np.arange(len(counts) + 1) - len(counts) / 2)
-        axes.step(edges, np.append(counts, 0) / (max(counts.sum(), 1) * width), where='post',
-                  color=colour, linewidth=1.2,
-                  label=f'{kind}, variance {residuals[kind]["variance"]:.2f}')
-    normal = np.linspace(edges[0], edges[-1], 200)
-    axes.plot(normal, np.exp(-0.5 * normal ** 2) / np.sqrt(2 * np.pi), 'k--', linewidth=0.9)
-    axes.set_xlabel('residual / its standard deviation', fontsize=8)
-    axes.tick_params(labelsize=7)
-    axes.legend(fontsize=6, loc='upper right')
-
-
 def draw_residuals(report: Report) -> Optional[Any]:
     """The weighted residuals of all runs."""
     if not report.entries:
@@ -244,18 +231,16 @@ def draw_residuals(report: Report) -> Optional[Any]:
         if method not in entry.runs:
             continue
         axes = figure.add_subplot(grid[index // columns, index % columns])
-        draw_histogram(axes, entry.runs[method].residuals)
+        page.draw_residuals(axes, entry.runs[method].residuals)
         axes.set_title(f'{entry.name}, {method}', fontsize=9)
-        if index % columns == 0:
-            axes.set_ylabel('density', fontsize=8)
     return figure
 
 
 def draw_all(report: Report) -> Dict[str, Optional[Any]]:
     """All figures by their files; None where there is nothing to draw."""
-    return {'figure_5.png': draw_pictures(report, 'KITTI'), 'figure_6.png': draw_chart(report),
+    return {'figure_5.png': draw_images(report, 'KITTI'), 'figure_6.png': draw_chart(report),
             'figure_7.png': draw_trajectories(report, 'KITTI'),
-            'figure_8.png': draw_pictures(report, 'EuRoC'),
+            'figure_8.png': draw_images(report, 'EuRoC'),
             'figure_9.png': draw_trajectories(report, 'EuRoC'),
             'segment_errors.png': draw_segment_errors(report),
             'residuals.png': draw_residuals(report)}

@@ -1,4 +1,4 @@
-"""What scripts/report_sequences tells of: the results in an output folder of scripts/reproduce, by
+"""The data of the report of scripts/report_sequences: the results in an output folder of scripts/reproduce, by
 sequence and method, and the published figures."""
 import os
 from typing import Any, Dict, List, NamedTuple, Tuple
@@ -16,7 +16,7 @@ WHOLE_SHARE = 0.95  # of a sequence's frames; with fewer it is a piece
 class Result(NamedTuple):
     """A run of a sequence with a method: its figures, sequence.json, errors over segment length,
     positions (n, 6) true and estimated [m], distributions of its weighted residuals, parameters,
-    and the picture of its features."""
+    and the image of its features."""
     method: str
     figures: Dict[str, Any]
     record: Dict[str, Any]
@@ -24,7 +24,7 @@ class Result(NamedTuple):
     positions: np.ndarray
     residuals: Dict[str, Any]
     parameters: Dict[str, str]
-    picture: str
+    image: str
 
 
 class Entry(NamedTuple):
@@ -44,7 +44,7 @@ class Entry(NamedTuple):
 
 
 class Report(NamedTuple):
-    """All that the report tells: sequences with results, methods that were run, problems (sequence,
+    """All data of the report: sequences with results, methods that were run, problems (sequence,
     method, sentence), settings.json and the published figures."""
     entries: List[Entry]
     methods: List[str]
@@ -105,7 +105,7 @@ def read_entry(output: str, name: str, setting: Dict[str, Any], published: Dict[
 
 
 def read_report(output: str) -> Report:
-    """What is in an output folder; InputError if it is none."""
+    """The results in an output folder; InputError if it is not one."""
     settings = read_json(os.path.join(output, 'settings.json'))
     if not settings:
         raise InputError(f'{output} has no results: give an output folder of scripts/reproduce')
@@ -120,7 +120,7 @@ def read_report(output: str) -> Report:
 
 
 def describe_method(parameters: Dict[str, str]) -> str:
-    """What a configuration makes of the odometry, in a few words; parameters as in summary.json."""
+    """A short description of a configuration; parameters as in summary.json."""
     kinds = [kind for kind in ('points', 'lines') if parameters[kind + '/enabled'] == 'true']
     words = [' and '.join(kinds)]
     if parameters['window/size'] == '0':

@@ -1,6 +1,6 @@
 #!/usr/bin/python3 -B
 """Runs the odometry over KITTI and EuRoC sequences, with the paper's method and with this package's
-own, and sets errors and times beside each other and beside published ones: report.md with the
+own, and compares errors and times with each other and with published ones: report.md with the
 paper's tables and figures, and results.csv.
 
 A run that was interrupted goes on where it was when it is started again. GNU parallel runs the
@@ -34,7 +34,7 @@ from _sequences import (LAYOUTS, METHODS, REPORT_FILES, RESULT_FILES, RESULT_MAR
 
 REPOSITORY = os.path.dirname(SCRIPTS)
 SEARCH_DEPTH = 3
-SILENCE_S = 60.0
+TIMEOUT_S = 60.0
 PARALLEL = ('parallel', '--plain', '--will-cite')
 TEST_SEQUENCE = re.compile('1[1-9]|2[01]')  # of KITTI; their ground truth is not public
 SSH = ('setpriv --pdeathsig TERM ssh -o BatchMode=yes -o ConnectTimeout=10 '
@@ -45,20 +45,20 @@ KITTI_DIR: the odometry data set (sequences/00 ... 10, poses/00.txt ...). EUROC_
 MH_01_easy ... V2_03_difficult, each with mav0. Instead of either: one sequence, any folder that
 has sequences of that kind inside, or - for none.
 
-METHOD: 'paper' is the method of the paper (config/paper.yaml), 'default' what this package does by
-itself. With both, every table and figure has them side by side; a method that is run later into the
-same folder joins the one before.
+METHOD: 'paper' is the method of the paper (config/paper.yaml), 'default' this package with its
+default parameters. With both, every table and figure has both; a method that is run later into the
+same folder is added to the one before.
 
 Output folder: report.md (tables and figures), results.csv, figure_5.png ... figure_9.png,
 residuals.png, segment_errors.png; sequences/NAME/METHOD: trajectory.tum, trajectory.kitti,
-frames.csv, summary.json, evaluation.json, pictures; joblog: what GNU parallel ran when and where.
-What is done is not run again; what had problems is. scripts/report_sequences DIR makes the report
-anew, at any time.
+frames.csv, summary.json, evaluation.json, report.html, images; joblog: what GNU parallel ran when and where.
+Sequences with a result are not run again; those with problems are. scripts/report_sequences DIR
+makes the report again, at any time.
 
 --hosts FILE names machines, one a line, as GNU parallel's --sshloginfile does:
 
     2/alice@fast.example.org     two sequences at a time on that machine
-    alice@large.example.org      as many as it has cores; takes GNU parallel there as well
+    alice@large.example.org      as many as it has cores; needs GNU parallel there as well
     1/:                          one at a time on this machine
 
 Each must let you in by ssh without a password, and have the data and the package, built, at the
@@ -94,7 +94,7 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
     parser.add_argument('-o', '--output', metavar='DIR', default='reproduced',
                         help='folder for the results (default: ./%(default)s)')
     parser.add_argument('--jobs', metavar='N', type=positive,
-                        help='sequences that run side by side on a machine (default: as many as '
+                        help='sequences that run in parallel on a machine (default: as many as '
                              'it has cores); for true times per frame give 1')
     parser.add_argument('--hosts', metavar='FILE', help='spread the sequences over the machines '
                                                         'named in this file, see below')
@@ -104,7 +104,7 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
                             help=f"parameters of the method 'default' for {layout} (default: "
                                  f'config/{name}.yaml)')
     parser.add_argument('--fresh', action='store_true',
-                        help='throw away what the output folder has, and begin anew')
+                        help='discard the results in the output folder, and start again')
     parser.add_argument('--no-build', action='store_true',
                         help='use the programs as they are, without scripts/build')
     options = parser.parse_args(arguments)
@@ -208,7 +208,7 @@ def prepare_programs(options: argparse.Namespace) -> str:
 
 def make_settings(options: argparse.Namespace, sequences: List[Sequence],
                   programs: str) -> Dict[str, Any]:
-    """What the results depend on, as it stands in settings.json."""
+    """What the results depend on, as in settings.json."""
     version = ElementTree.parse(os.path.join(REPOSITORY, 'package.xml')).findtext('version')
     layouts = sorted({each.layout for each in sequences})
 
@@ -223,7 +223,7 @@ def make_settings(options: argparse.Namespace, sequences: List[Sequence],
 
 
 def find_difference(old: Dict[str, Any], new: Dict[str, Any]) -> Optional[str]:
-    """In what the settings of older results differ from those now; None if they fit together."""
+    """The difference between the settings of older results and the current ones; None if none."""
     if old.get('program') != new['program']:
         return 'another build of the programs'
     for method, layouts in new['configurations'].items():
@@ -268,7 +268,7 @@ def lock(output: str) -> IO[str]:
 
 
 def remove_results(output: str) -> None:
-    """Takes away what a run makes; the settings last, for they tell whose folder it is."""
+    """Removes the results of a run; the settings last, as they mark the folder as ours."""
     shutil.rmtree(os.path.join(output, 'sequences'), ignore_errors=True)
     for name in (*REPORT_FILES, 'joblog', '.joblog.part', '.hosts', 'settings.json'):
         if os.path.exists(os.path.join(output, name)):
@@ -287,7 +287,7 @@ def open_output(run: Run, fresh: bool) -> None:
         old = {}
     difference = find_difference(old, run.settings) if old else None
     if difference:
-        raise InputError(f'the results in {run.output} are of {difference}: begin anew with '
+        raise InputError(f'the results in {run.output} are of {difference}: start again with '
                          '--fresh, or give another folder with -o')
     merged = merge_settings(old, run.settings)
     write_text(path, json.dumps(merged, indent=2, sort_keys=True) + '\n')
@@ -313,7 +313,7 @@ def keep_joblog(output: str) -> None:
 
 
 def task_arguments(run: Run, task: Task) -> List[str]:
-    """What run_sequence is told: name, method, folder, parameters, and their fingerprint."""
+    """Arguments of run_sequence: name, method, folder, parameters, and their fingerprint."""
     config = run.settings['configurations'][task.method][task.sequence.layout]
     return [task.sequence.name, task.method, task.sequence.folder, config['file'],
             config['fingerprint']]
@@ -340,7 +340,7 @@ def read_hosts(path: str) -> List[str]:
 
 
 def find_usable(run: Run, hosts: List[str], task: Task) -> List[str]:
-    """Those of the machines that answer and can do the task; says why the others cannot."""
+    """The machines that answer and can do the task; prints why the others cannot."""
     command = [*PARALLEL, '--nonall', '--sshloginfile', '-', '--ssh', SSH,
                job(run, list(map(shlex.quote, task_arguments(run, task))), '--check')]
     checks = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -354,7 +354,7 @@ def find_usable(run: Run, hosts: List[str], task: Task) -> List[str]:
         else:
             print(f'machine {host} is left out: {answer or "it does not answer"}', flush=True)
     if not usable:
-        raise InputError('none of the machines can be used: mend what is said above, then start '
+        raise InputError('none of the machines can be used: correct the problems above, then start '
                          'again')
     return usable
 
@@ -370,16 +370,16 @@ def make_command(run: Run, options: argparse.Namespace, todo: List[Task]) -> Lis
         hosts = find_usable(run, read_hosts(options.hosts), todo[0])
         path = os.path.join(run.output, '.hosts')
         write_text(path, '\n'.join(hosts) + '\n')
-        # What fails on a machine that has gone down is tried on every other.
+        # Jobs that fail on a machine that has gone down are tried on every other one.
         command += ['--sshloginfile', path, '--ssh', SSH, '--retries', str(1 + len(hosts))]
     return [*command, job(run, places)]
 
 
 def read_lines(stream: IO[bytes]) -> Iterator[Optional[bytes]]:
-    """Lines as they come, and None whenever nothing has come for a while."""
+    """Lines as they arrive, and None after each timeout."""
     pending = b''
     while True:
-        if not select.select([stream], [], [], SILENCE_S)[0]:
+        if not select.select([stream], [], [], TIMEOUT_S)[0]:
             yield None
             continue
         block = os.read(stream.fileno(), 1 << 20)
@@ -483,7 +483,7 @@ def run_tasks(run: Run, options: argparse.Namespace, todo: List[Task]) -> None:
                 folder = result_folder(run.output, record['name'], record['method'])
                 print(f'[{done}/{len(todo)}] {describe(record, folder)}', flush=True)
     finally:
-        # Told to end, it ends its jobs here and on the other machines.
+        # On SIGTERM it ends its jobs here and on the other machines.
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         process.wait()

@@ -1,5 +1,5 @@
-"""What the scripts share that run sequences and report on them: where a sequence has its files,
-and which files make a result."""
+"""Shared by the scripts that run sequences and report on them: the files of a sequence, and the
+files of a result."""
 # Only the standard library here: the rest is installed by scripts/build.
 import hashlib
 import importlib.machinery
@@ -17,7 +17,7 @@ METHODS = ('paper', 'default')  # of this package, in the order of the report
 # What the result of a sequence consists of; of one with problems there is only the last.
 RESULT_FILES = ('trajectory.tum', 'trajectory.kitti', 'frames.csv', 'summary.json',
                 'evaluation.json', 'trajectory.png', 'errors.png', 'features.png', 'positions.csv',
-                'sequence.json')
+                'report.html', 'sequence.json')
 REPORT_FILES = ('report.md', 'results.csv', 'figure_5.png', 'figure_6.png', 'figure_7.png',
                 'figure_8.png', 'figure_9.png', 'residuals.png', 'segment_errors.png')
 
@@ -25,17 +25,16 @@ REPORT_FILES = ('report.md', 'results.csv', 'figure_5.png', 'figure_6.png', 'fig
 RESULT_MARK = 'result of a sequence: '
 
 
-def load_evaluation() -> Any:
-    """The script evaluate_trajectory as a module."""
-    path = os.path.join(SCRIPTS, 'evaluate_trajectory')
-    loader = importlib.machinery.SourceFileLoader('evaluate_trajectory', path)
+def load_script(name: str) -> Any:
+    """A script of this folder as a module."""
+    loader = importlib.machinery.SourceFileLoader(name, os.path.join(SCRIPTS, name))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
     loader.exec_module(module)
     return module
 
 
 class InputError(Exception):
-    """Input that cannot be used; the text is one sentence naming the thing and the cure."""
+    """Input that cannot be used; the text is one sentence with the cause and a hint."""
 
 
 class Sequence(NamedTuple):
@@ -57,7 +56,7 @@ def result_folder(output: str, name: str, method: str) -> str:
 
 
 def layout_of(folder: str) -> Optional[str]:
-    """The layout of a sequence's folder, told as offline_odometry does; None if it is no such."""
+    """The layout of a sequence's folder, as offline_odometry recognises it; None if it is not one."""
     def has(name: str) -> bool:
         return os.path.exists(os.path.join(folder, name))
     if has('mav0') or has('cam0'):
@@ -82,7 +81,7 @@ def count_frames(folder: str, layout: str) -> int:
 
 
 def find_ground_truth(folder: str, layout: str) -> str:
-    """The file with the true poses: beside the images, or where the published data set has it."""
+    """The file with the true poses: next to the images, or at its path in the published data set."""
     if layout == 'EuRoC':
         places = [os.path.join(euroc_base(folder), 'state_groundtruth_estimate0', 'data.csv')]
     else:
@@ -116,7 +115,7 @@ def program_fingerprint(programs: str) -> str:
     loaded = subprocess.run(['ldd', program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                             universal_newlines=True).stdout
     libraries = re.findall(r'=> (/.*/libpoint_line_odometry[^/]*) \(0x', loaded)
-    scripts = ['run_sequence', '_sequences.py', 'evaluate_trajectory']
+    scripts = ['run_sequence', '_sequences.py', 'evaluate_trajectory', 'report_run']
     return fingerprint([program] + sorted(libraries)
                        + [os.path.join(SCRIPTS, name) for name in scripts])
 
@@ -132,7 +131,7 @@ def read_json(path: str) -> Dict[str, Any]:
 
 
 def write_text(path: str, text: str) -> None:
-    """Writes a file that has its name only once it is complete."""
+    """Writes a file under a temporary name and renames it when it is complete."""
     temporary = f'{path}.part'
     with open(temporary, 'w', encoding='utf-8') as stream:
         stream.write(text)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3 -B
 """Runs the odometry on the synthetic camera's stream, with random faults between the two, and
-tells whether its process grows, whether odom jumps, and whether anything is not a number.
+checks that its process does not grow, odom does not jump and no number is NaN.
 """
 import argparse
 import os
@@ -25,14 +25,15 @@ from visualization_msgs.msg import MarkerArray
 
 from _demo_drive import START_S, POLL_S, free_port, start, stop
 from _soak_faults import Frame, Injector
-from _soak_judge import Answer, JumpWatch, ProcessSample, Run, report
+from _soak_checks import Answer, JumpWatch, ProcessSample, Run, report
 from point_line_odometry.msg import OdometryInfo, StereoFeatures
 from point_line_odometry.srv import ResetToPose
 
 EPILOG = """\
-Faults: dropped frames and gaps, silent topics, stamps that differ, repeat, come late or jump, dark,
+Faults: dropped frames and gaps, missing topics, stamps that differ, repeat, come late or jump, dark,
 covered, blurred and frozen images, malformed messages, wrong and changing calibrations, bursts;
-besides, reset, reset_to_pose, pause and resume are called, and topics are subscribed to and left.
+in addition, reset, reset_to_pose, pause and resume are called, and topics are subscribed to and
+unsubscribed from.
 The same seed draws the same faults.
 
 Exit code: 0 all checks passed, 1 one failed, 2 the run was not possible.
@@ -40,7 +41,7 @@ Exit code: 0 all checks passed, 1 one failed, 2 the run was not possible.
 STATES = {getattr(OdometryInfo, name): name for name in ('INITIALIZING', 'OK', 'DEGRADED', 'LOST')}
 SAMPLE_S = 1.0
 QUIET_S = 6.0       # without faults at the end
-SILENCE_S = 30.0    # without an answer: the odometry is stuck
+TIMEOUT_S = 30.0    # without an answer: the odometry is stuck
 CALLS = ('reset', 'reset_to_pose', 'pause', 'paths')
 ODOMETRY = '/stereo/stereo_odometry'
 MANAGER = '/stereo/manager'
@@ -59,7 +60,7 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
     parser.add_argument('--scene', default='corridor', choices=('corridor', 'indoor'))
     parser.add_argument('--rate', type=float, default=10.0, metavar='HZ',
                         help='frames of the camera per second (10)')
-    parser.add_argument('--log', metavar='FILE', help='keep what the programs say')
+    parser.add_argument('--log', metavar='FILE', help='keep the log of the programs')
     parser.add_argument('--samples', metavar='FILE',
                         help='memory, files and threads at each second, as CSV')
     options = parser.parse_args(arguments)
@@ -69,7 +70,7 @@ def parse_arguments(arguments: Optional[List[str]]) -> argparse.Namespace:
 
 
 class Camera:
-    """Stands between the camera and the odometry."""
+    """Relays the camera's messages to the odometry, with faults."""
 
     TOPICS = {'left/image_raw': Image, 'right/image_raw': Image,
               'left/camera_info': CameraInfo, 'right/camera_info': CameraInfo}
@@ -87,7 +88,7 @@ class Camera:
 
     @property
     def fault(self) -> str:
-        """Name of the present fault."""
+        """Name of the current fault."""
         return self._injector.name
 
     def _take(self, *messages: Any) -> None:
@@ -99,7 +100,7 @@ class Camera:
 
 
 class Listener:
-    """Hears what the odometry says; what it keeps is bounded."""
+    """Subscribes to the odometry's results; its memory is bounded."""
 
     def __init__(self, camera: Camera) -> None:
         self.watch = JumpWatch()
@@ -119,7 +120,7 @@ class Listener:
             rospy.Subscriber('/tf', TFMessage, self._take_tf, queue_size=100)]
 
     def announce(self) -> None:
-        """The pose is going to be set."""
+        """To be called before the pose is set."""
         with self._lock:
             self._announced = True
 
@@ -133,7 +134,7 @@ class Listener:
             pair[name] = message
             if len(pair) == 2:
                 del self._waiting[stamp]
-                self._judge(pair['odom'], STATES[pair['info'].state])
+                self._check(pair['odom'], STATES[pair['info'].state])
             elif len(self._waiting) > 50:  # infos of frames that were refused
                 del self._waiting[next(iter(self._waiting))]
 
@@ -142,7 +143,7 @@ class Listener:
             self.counters[name] = getattr(info, 'frames_' + name)
         self.counters['exceptions'] = info.exceptions
 
-    def _judge(self, odom: Any, state: str) -> None:
+    def _check(self, odom: Any, state: str) -> None:
         self.last_answer_s = time.monotonic()
         self.states[state] = self.states.get(state, 0) + 1
         self.changes += state != self.state
@@ -166,7 +167,7 @@ def numbers_of(*parts: Any) -> List[float]:
 
 
 def answer_of(odom: Any, state: str) -> Answer:
-    """What is judged of a message of odom."""
+    """The values of a message of odom that are checked."""
     sigma = [max(odom.twist.covariance[7 * i], 0.0) ** 0.5 for i in range(6)]
     if any(number != number for number in odom.pose.covariance):
         sigma[0] = float('nan')
@@ -176,7 +177,7 @@ def answer_of(odom: Any, state: str) -> Answer:
 
 
 class Operator:
-    """Calls services, and looks at topics for a while, at random."""
+    """Calls services, and subscribes to topics for a while, at random."""
 
     LOOKED_AT = {'lines': MarkerArray, 'points': PointCloud2, 'features': StereoFeatures,
                  'features_image': Image, 'path': Path}
@@ -257,7 +258,7 @@ def pid_of(node: str) -> int:
 
 
 def soak(options: argparse.Namespace, launch: Any) -> Run:
-    """Watches for as long as is asked for."""
+    """Runs for the given time."""
     injector = Injector(options.seed)
     camera = Camera(injector)
     listener = Listener(camera)
@@ -273,8 +274,8 @@ def soak(options: argparse.Namespace, launch: Any) -> Run:
         camera.quiet = now > end - QUIET_S
         if launch.poll() is not None or not os.path.exists(f'/proc/{pid}/fd'):
             ended = 'a program has ended by itself: see the log (--log FILE)'
-        elif now - listener.last_answer_s > SILENCE_S:
-            ended = f'no answer for {SILENCE_S:.0f} s, after the fault: {camera.fault}'
+        elif now - listener.last_answer_s > TIMEOUT_S:
+            ended = f'no answer for {TIMEOUT_S:.0f} s, after the fault: {camera.fault}'
         else:
             operator.act(now, camera.quiet)
             if not samples or now - begin - samples[-1].time_s >= SAMPLE_S:
@@ -285,7 +286,7 @@ def soak(options: argparse.Namespace, launch: Any) -> Run:
 
 
 def show(last: ProcessSample, listener: Listener, left_s: float) -> None:
-    """How far it is, on a terminal."""
+    """Shows the progress on a terminal."""
     if sys.stdout.isatty():
         print(f'\r\033[K{left_s / 60.0:.1f} minutes left, {last.rss_mb:.1f} MB, {last.files} files, '
               f'{listener.watch.num_answers} answers, {listener.watch.num_jumps} jumps, '
@@ -316,7 +317,7 @@ def run(options: argparse.Namespace, folder: str) -> Run:
 
 
 def write_samples(path: str, samples: List[ProcessSample]) -> None:
-    """A row for each."""
+    """A row for each sample."""
     with open(path, 'w', encoding='ascii') as stream:
         stream.write(','.join(ProcessSample._fields) + '\n')
         stream.writelines(','.join(f'{value:g}' for value in each) + '\n' for each in samples)

@@ -1,7 +1,7 @@
 """Faults of a stereo camera's messages, drawn at random from a seed.
 
-A fault is a function that is asked for every stereo frame while it lasts: it gets the messages, and
-gives those that are to be published instead, in their order.
+A fault is a function that is called with the messages of every stereo frame while it lasts, and
+returns those that are to be published instead, in their order.
 """
 import random
 from typing import Callable, Dict, List, NamedTuple, Optional
@@ -12,7 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 
 class Frame(NamedTuple):
-    """The messages of a stereo frame; None for one that does not come."""
+    """The messages of a stereo frame; None for a missing one."""
     left: Optional[Image]
     right: Optional[Image]
     left_info: Optional[CameraInfo]
@@ -62,7 +62,7 @@ def filled(value: int) -> Callable[[Image], Image]:
 
 
 def blurred(image: Image) -> Image:
-    """Far out of focus: each pixel the mean of a square round it."""
+    """Far out of focus: each pixel the mean of a square around it."""
     half = 30
     sums = np.pad(pixels_of(image).astype(np.int64), half, mode='edge').cumsum(0).cumsum(1)
     sums = np.pad(sums, ((1, 0), (1, 0)))
@@ -72,7 +72,7 @@ def blurred(image: Image) -> Image:
 
 
 def lowered(image: Image) -> Image:
-    """Seen by a camera that hangs too high."""
+    """As of a camera that is mounted too high."""
     return with_pixels(image, np.roll(pixels_of(image), 4, axis=0))
 
 
@@ -84,7 +84,7 @@ def with_P(info: CameraInfo, index: int, value: float) -> CameraInfo:
 
 
 class Freeze:
-    """The camera repeats its last picture under new stamps."""
+    """The camera repeats its last image with new stamps."""
 
     def __init__(self) -> None:
         self._first: Optional[Frame] = None
@@ -96,7 +96,7 @@ class Freeze:
 
 
 class Burst:
-    """Frames are held back, and come all at once."""
+    """Frames are delayed, and arrive all at once."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -154,7 +154,7 @@ BOTH = 'left right'
 
 
 class Kind(NamedTuple):
-    """How a fault is made, and how long it lasts [s]."""
+    """A kind of fault: how it is made, and how long it lasts [s]."""
     make: Callable[[random.Random], Fault]
     shortest_s: float = 0.0
     longest_s: float = 1.0
@@ -163,9 +163,9 @@ class Kind(NamedTuple):
 KINDS: Dict[str, Kind] = {
     'dropped': Kind(lambda _: nothing, 0.0, 0.8),
     'gap': Kind(lambda _: nothing, 1.2, 3.0),
-    'left silent': Kind(simple(lambda f: f._replace(left=None)), 0.2, 3.0),
-    'right silent': Kind(simple(lambda f: f._replace(right=None)), 0.2, 3.0),
-    'info silent': Kind(simple(lambda f: f._replace(right_info=None)), 0.2, 2.0),
+    'left missing': Kind(simple(lambda f: f._replace(left=None)), 0.2, 3.0),
+    'right missing': Kind(simple(lambda f: f._replace(right=None)), 0.2, 3.0),
+    'info missing': Kind(simple(lambda f: f._replace(right_info=None)), 0.2, 2.0),
     'stamps differ': Kind(simple(lambda f: f._replace(right=restamped(f.right, 0.004)))),
     'twice': Kind(lambda _: lambda frame: [frame, frame]),
     'late': Kind(lambda _: Exchange()),
@@ -208,19 +208,19 @@ JUMPS_S = {'clock back': (-900.0, -1.5), 'clock a little back': (-0.6, -0.1),
 
 
 class Injector:
-    """Lets frames through, and from time to time a fault; the same seed draws the same faults."""
+    """Passes frames on, from time to time with a fault; the same seed draws the same faults."""
 
     def __init__(self, seed: int, rest_s=(0.5, 3.0)) -> None:
         self._rng = random.Random(seed)
         self._rest_s = rest_s
         self._fault: Optional[Fault] = None
-        self._until_s = 0.0  # of the fault, or of the rest
+        self._until_s = 0.0  # end of the fault, or of the pause
         self._shift_s = 0.0
-        self.name = ''  # of the present fault
+        self.name = ''  # of the current fault
         self.counts: Dict[str, int] = {}
 
     def apply(self, frame: Frame, now_s: float, quiet: bool = False) -> List[Frame]:
-        """What is to be published instead of a frame; no fault begins while it is to be quiet."""
+        """The messages to be published instead of a frame; no fault begins while `quiet`."""
         if now_s >= self._until_s:
             if self._fault is None and not quiet:
                 self._begin(now_s)

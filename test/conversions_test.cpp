@@ -1,11 +1,15 @@
 #include "ros/conversions.h"
 
 #include <gtest/gtest.h>
+#include <image_geometry/pinhole_camera_model.h>
 
 #include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
+
+#include "ros/calibration_conversion.h"
+#include "ros/image_conversion.h"
 
 namespace point_line_odometry {
 namespace {
@@ -25,7 +29,7 @@ sensor_msgs::Image makeImage(const std::string& encoding, std::uint32_t width, s
   return image;
 }
 
-/// The message of the MessageError that `call` throws; empty if it throws none.
+/// Text of the MessageError that `call` throws; empty if it throws none.
 template <typename Call>
 std::string errorOf(const Call& call) {
   try {
@@ -193,7 +197,32 @@ TEST(ToStereoCalibration, AppliesRegionOfInterestThenBinning) {
   EXPECT_DOUBLE_EQ(rectifiedCamera(calibration).baseline_m, 0.12);
 }
 
-TEST(ToStereoCalibration, NamesTheFieldThatCannotBe) {
+/// image_geometry does not check camera_info; for a valid one its result is the same.
+TEST(ToStereoCalibration, AgreesWithImageGeometry) {
+  for (const std::uint32_t binning : {0U, 1U, 2U, 3U, 4U}) {
+    InfoPair infos;
+    infos.right.binning_x = binning;
+    infos.right.binning_y = binning / 2;
+    infos.right.roi.x_offset = 60;
+    infos.right.roi.y_offset = 36;
+    infos.right.roi.width = 480;
+    infos.right.roi.height = 240;
+    infos.left.binning_x = infos.right.binning_x;
+    infos.left.binning_y = infos.right.binning_y;
+    infos.left.roi = infos.right.roi;
+    const CameraCalibration ours = infos.convert().right;
+    image_geometry::PinholeCameraModel theirs;
+    theirs.fromCameraInfo(infos.right);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 4; ++column)
+        EXPECT_NEAR(ours.P(row, column), theirs.projectionMatrix()(row, column), 1e-9) << binning;
+      for (int column = 0; column < 3; ++column)
+        EXPECT_NEAR(ours.K(row, column), theirs.intrinsicMatrix()(row, column), 1e-9) << binning;
+    }
+  }
+}
+
+TEST(ToStereoCalibration, NamesTheInvalidField) {
   InfoPair absent;
   absent.right.P.assign(0.0);
   EXPECT_TRUE(contains(absent.error(), "right/camera_info: P is all zero"));
@@ -211,7 +240,7 @@ TEST(ToStereoCalibration, NamesTheFieldThatCannotBe) {
   EXPECT_TRUE(contains(no_size.error(), "left/camera_info: width is 0"));
 }
 
-TEST(ToStereoCalibration, NamesPairsThatCannotBe) {
+TEST(ToStereoCalibration, NamesTheFaultOfAnInvalidPair) {
   InfoPair same;
   same.right = same.left;
   EXPECT_TRUE(contains(same.error(), "both topics carry the left camera's info"));
@@ -227,7 +256,7 @@ TEST(ToStereoCalibration, NamesPairsThatCannotBe) {
   EXPECT_TRUE(contains(sizes.error(), "same resolution"));
 }
 
-TEST(ToCameraInfo, GivesBackWhatItWasMadeFrom) {
+TEST(ToCameraInfo, IsTheInverseOfToStereoCalibration) {
   const InfoPair infos;
   const StereoCalibration calibration = infos.convert();
   EXPECT_TRUE(sameCalibration(toCameraInfo(calibration.left, {}), infos.left));
@@ -244,7 +273,7 @@ TEST(Poses, SurviveThereAndBack) {
   EXPECT_GE(toPose(T).orientation.w, 0.0);
 }
 
-TEST(Poses, AreRefusedIfTheyAreNone) {
+TEST(Poses, AreRefusedIfInvalid) {
   geometry_msgs::Pose pose;
   EXPECT_TRUE(contains(errorOf([&] { toIsometry(pose); }), "it must be 1"));
   pose.orientation.w = 1.0;
@@ -257,45 +286,6 @@ TEST(Frames, LoseOneLeadingSlash) {
   EXPECT_EQ(withoutLeadingSlash("/camera"), "camera");
   EXPECT_EQ(withoutLeadingSlash("camera"), "camera");
   EXPECT_EQ(withoutLeadingSlash(""), "");
-}
-
-TEST(TwistAdjoint, TurningAboutTheBaseMovesOnlyTheCamera) {
-  Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();
-  T_base_camera.translation() = Eigen::Vector3d(1, 0, 0);
-  Vector6d camera;
-  camera << 0, 1, 0, 0, 0, 1;  // 1 m ahead of a base that turns left at 1 rad/s
-  Vector6d base;
-  base << 0, 0, 0, 0, 0, 1;
-  EXPECT_TRUE((twistAdjoint(T_base_camera) * camera).isApprox(base, 1e-12));
-}
-
-TEST(TwistAdjoint, TurnsOpticalAxesToBodyAxes) {
-  Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();
-  T_base_camera.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  Vector6d camera;
-  camera << 0, 0, 2, 0, -0.5, 0;  // forward at 2 m/s, to the left at 0.5 rad/s
-  Vector6d base;
-  base << 2, 0, 0, 0, 0, 0.5;
-  EXPECT_TRUE((twistAdjoint(T_base_camera) * camera).isApprox(base, 1e-12));
-}
-
-TEST(BasePoseCovariance, TurnsHeadingErrorIntoPositionErrorOfTheLever) {
-  Eigen::Isometry3d T_camera_base = Eigen::Isometry3d::Identity();
-  T_camera_base.translation() = Eigen::Vector3d(-2, 0, 0);
-  Matrix6d camera = Matrix6d::Zero();
-  camera(5, 5) = 0.01;  // about z
-  Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
-  const Matrix6d base = basePoseCovariance(camera, T_odom_camera, T_camera_base);
-  EXPECT_NEAR(base(1, 1), 0.04, 1e-12);
-  EXPECT_NEAR(base(0, 0), 0.0, 1e-12);
-  EXPECT_NEAR(base(1, 5), -0.02, 1e-12);
-  EXPECT_NEAR(base(5, 5), 0.01, 1e-12);
-
-  T_odom_camera.linear() =
-      Eigen::AngleAxisd(std::acos(0.0), Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const Matrix6d turned = basePoseCovariance(camera, T_odom_camera, T_camera_base);
-  EXPECT_NEAR(turned(0, 0), 0.04, 1e-12);
-  EXPECT_NEAR(turned(1, 1), 0.0, 1e-12);
 }
 
 TEST(ToCovariance, IsRowMajor) {

@@ -1,4 +1,5 @@
-#include "point_line_odometry/dataset.h"
+
+#include "dataset/dataset.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -8,9 +9,10 @@
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string>
 
-#include "point_line_odometry/dataset_writer.h"
+#include "dataset/dataset_writer.h"
 
 namespace point_line_odometry {
 namespace {
@@ -33,7 +35,7 @@ void writeImage(const fs::path& file, int value, cv::Size size = {kWidth, kHeigh
 /// Cuts the second half of a file off.
 void cutOff(const fs::path& file) { fs::resize_file(file, fs::file_size(file) / 2); }
 
-/// A folder of its own for each test, taken away at the end.
+/// A temporary folder for each test, removed at the end.
 class DatasetTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -44,7 +46,7 @@ class DatasetTest : public ::testing::Test {
 
   void TearDown() override { fs::remove_all(root_); }
 
-  /// Asserts that the folder is refused with a sentence that has all these words.
+  /// Asserts that the folder is refused with an error that contains all these words.
   void expectRefused(const std::vector<std::string>& words) const {
     try {
       const StereoDataset dataset = StereoDataset::open(folder());
@@ -125,7 +127,7 @@ TEST_F(KittiDatasetTest, ReadsPosesOfTheFolder) {
   EXPECT_EQ(last.T_world_camera(2, 0), -1.0);
 }
 
-TEST_F(KittiDatasetTest, FindsPosesWhereThePublishedDataSetHasThem) {
+TEST_F(KittiDatasetTest, FindsPosesAtThePathOfThePublishedDataSet) {
   fs::create_directories(root_ / "sequences");
   fs::rename(folder(), root_ / "sequences" / "07");
   const std::string row = "1 0 0 0 0 1 0 0 0 0 1 0\n";
@@ -240,6 +242,76 @@ TEST_F(KittiDatasetTest, RefusesImageOfAnotherSize) {
   expectRefused({"image_1/000001.png", "64 x 47", "64 x 48"});
 }
 
+/// The IMU of KITTI raw beside the images: 10 Hz, mounted as in the published drives.
+class OxtsTest : public KittiDatasetTest {
+ protected:
+  void SetUp() override {
+    KittiDatasetTest::SetUp();
+    writeText(file("oxts/timestamps.txt"),
+              "2011-09-26 23:59:59.964389445\n2011-09-27 00:00:00.064389445\n"
+              "2011-09-27 00:00:00.164389\n");
+    for (const char* packet : {"0000000000", "0000000002"}) {
+      writeText(
+          file("oxts/data") / (std::string(packet) + ".txt"),
+          "49.01 8.43 112.8 0.03 0.006 -0.9 1 2 3 4 5 0.5 -0.25 9.75 6 7 8 0.01 -0.02 0.125 9 "
+          "10 11 0.5 0.1 4 11 6 6 6\n");
+    }
+    writeText(fs::path(folder()).parent_path() / "calib_imu_to_velo.txt",
+              "calib_time: 25-May-2012 16:47:16\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.7\n");
+    writeText(fs::path(folder()).parent_path() / "calib_velo_to_cam.txt",
+              "R: 0 -1 0 0 0 -1 1 0 0\nT: 0 0 -0.25\ndelta_f: 0 0\n");
+    writeText(fs::path(folder()).parent_path() / "calib_cam_to_cam.txt",
+              "R_rect_00: 1 0 0 0 1 0 0 0 1\n");
+  }
+
+  void expectImuRefused(const std::string& word) const {
+    try {
+      StereoDataset::open(folder()).readImu();
+      ADD_FAILURE() << "was not refused: " << word;
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find(word), std::string::npos) << error.what();
+    }
+  }
+};
+
+TEST_F(OxtsTest, GivesRatesAndAccelerationsInTheAxesOfTheImu) {
+  const std::optional<ImuData> imu = StereoDataset::open(folder()).readImu();
+  ASSERT_TRUE(imu);
+  ASSERT_EQ(imu->samples.size(), 2U) << "a packet is missing, as in some drives";
+  EXPECT_EQ(imu->samples[0].angular_velocity, Eigen::Vector3d(0.01, -0.02, 0.125));
+  EXPECT_EQ(imu->samples[0].acceleration, Eigen::Vector3d(0.5, -0.25, 9.75));
+  // Without the times of the images the first packet is of the first one.
+  EXPECT_EQ(imu->samples[0].stamp_ns, 0);
+  EXPECT_EQ(imu->samples[1].stamp_ns, 199999555);
+  // The camera looks ahead: its z is the x of the IMU, its y points down.
+  EXPECT_TRUE((imu->T_imu_camera.linear() * Eigen::Vector3d::UnitZ())
+                  .isApprox(Eigen::Vector3d::UnitX(), 1e-12));
+  EXPECT_TRUE((imu->T_imu_camera.linear() * Eigen::Vector3d::UnitY())
+                  .isApprox(-Eigen::Vector3d::UnitZ(), 1e-12));
+  // By hand: the camera is at (0.25, 0, 0) of the velodyne, that at (0.8, -0.3, 0.7) of the IMU.
+  EXPECT_TRUE(imu->T_imu_camera.translation().isApprox(Eigen::Vector3d(1.05, -0.3, 0.7), 1e-12))
+      << imu->T_imu_camera.translation().transpose();
+}
+
+TEST_F(OxtsTest, TimesOfTheImagesAreUsed) {
+  writeText(file("image_0/timestamps.txt"), "2011-09-26 23:59:59.954389445\n");
+  const std::optional<ImuData> imu = StereoDataset::open(folder()).readImu();
+  ASSERT_TRUE(imu);
+  EXPECT_EQ(imu->samples[0].stamp_ns, 10000000);
+}
+
+TEST_F(OxtsTest, DamagedFilesAreRefused) {
+  writeText(file("oxts/data/0000000002.txt"), "1 2 3\n");
+  expectImuRefused("0000000002.txt");
+  fs::remove_all(file("oxts/data"));
+  expectImuRefused("no packet");
+  writeText(file("oxts/timestamps.txt"), "yesterday\n");
+  expectImuRefused("yesterday");
+  fs::remove(fs::path(folder()).parent_path() / "calib_velo_to_cam.txt");
+  expectImuRefused("calib_velo_to_cam.txt");
+  EXPECT_EQ(StereoDataset::open(folder()).size(), 3U) << "the images are none the worse for it";
+}
+
 // --- EuRoC ------------------------------------------------------------------------------------
 
 class EurocDatasetTest : public DatasetTest {
@@ -331,7 +403,7 @@ TEST_F(EurocDatasetTest, RefusesMissingImages) {
   expectRefused({"is truncated", "1 of 6", "cam1/data/1403636584763555581.png"});
 }
 
-TEST_F(EurocDatasetTest, AFolderIsNoImage) {
+TEST_F(EurocDatasetTest, RefusesAFolderInPlaceOfAnImage) {
   fs::remove(file("mav0/cam1/data/1403636584763555581.png"));
   fs::create_directory(file("mav0/cam1/data/1403636584763555581.png"));
   expectRefused({"is truncated", "1 of 6", "cam1/data/1403636584763555581.png"});
@@ -382,7 +454,7 @@ TEST_F(EurocDatasetTest, RefusesSwappedCameras) {
   expectRefused({"sensor.yaml", "baseline of -0.1", "swap"});
 }
 
-TEST_F(EurocDatasetTest, RefusesCamerasAtOnePlace) {
+TEST_F(EurocDatasetTest, RefusesCamerasAtOnePosition) {
   writeSensor("cam1", "0.0");
   expectRefused({"sensor.yaml", "0 m apart"});
 }
@@ -480,7 +552,7 @@ TEST_F(DatasetWriterTest, WritesFisheyeCameras) {
   EXPECT_EQ(dataset.calibration().right.D, calibration_.right.D);
 }
 
-TEST_F(DatasetWriterTest, SaysWhatCannotBeWritten) {
+TEST_F(DatasetWriterTest, NamesTheFileThatCannotBeWritten) {
   writeText(file("mav0"), "a file where a folder must be");
   EXPECT_THROW(DatasetWriter(folder(), DatasetLayout::kEuroc, calibration_, 30.0), InputError);
   DatasetWriter writer(folder(), DatasetLayout::kKitti, calibration_, 30.0);

@@ -29,8 +29,7 @@ struct Square {
 const std::vector<Square> kSquares = {
     {{90.0F, 85.0F}, 40.0F, 0.2F}, {{210.0F, 190.0F}, 55.0F, 0.7F}, {{310.0F, 80.0F}, 35.0F, 1.2F}};
 
-/// Bright squares on a ground of soft waves, as a lens of 0.7 px blur shows them, all moved by
-/// `shift`.
+/// Bright squares on a background of soft waves, with a lens blur of 0.7 px, all moved by `shift`.
 cv::Mat squaresImage(const Eigen::Vector2f& shift) {
   cv::Mat image(kSize, CV_8UC1);
   for (int y = 0; y < image.rows; ++y) {
@@ -76,7 +75,7 @@ std::vector<std::optional<LineSegment>> known(const std::vector<LineSegment>& se
   return {segments.begin(), segments.end()};
 }
 
-/// Blurred noise, in which every place is one of its kind.
+/// Blurred noise, in which every position is distinctive.
 cv::Mat noiseImage(int seed, cv::Size size) {
   cv::Mat noise(size, CV_8UC1);
   cv::RNG generator(static_cast<std::uint64_t>(seed));
@@ -185,7 +184,7 @@ TEST(SameSegment, KeepsItsLimits) {
   EXPECT_TRUE(same(a));
   EXPECT_TRUE(same({a.end, a.start})) << "the sense does not matter";
   EXPECT_TRUE(same({{100.0F, 101.9F}, {200.0F, 101.9F}}));
-  EXPECT_FALSE(same({{100.0F, 102.1F}, {200.0F, 102.1F}})) << "too far across";
+  EXPECT_FALSE(same({{100.0F, 102.1F}, {200.0F, 102.1F}})) << "too far along the normal";
   EXPECT_TRUE(same({{140.0F, 100.0F}, {160.0F, 101.7F}})) << "4.9 deg";
   EXPECT_FALSE(same({{140.0F, 100.0F}, {160.0F, 101.8F}})) << "5.1 deg";
   EXPECT_TRUE(same({{181.0F, 100.0F}, {219.0F, 100.0F}})) << "half of the shorter is enough";
@@ -224,7 +223,7 @@ TEST(EdgeOffsets, WhereThereIsNoEdgeNothingIsMeasured) {
   EXPECT_EQ(flat.median_px(), 0.0);
   const EdgeOffsets far = measureEdgeOffsets(smoothForEdges(squaresImage({0.0F, 0.0F})),
                                              movedAcross(sides({0.0F, 0.0F}), 8.0F), kOptions);
-  EXPECT_LT(far.edgeShare(), 0.3) << "the waves of the ground are too weak";
+  EXPECT_LT(far.edgeShare(), 0.3) << "the waves of the background are too weak";
 }
 
 TEST(EdgeOffsets, ThePolarityIsTheSegmentsOwn) {
@@ -238,7 +237,7 @@ TEST(EdgeOffsets, ThePolarityIsTheSegmentsOwn) {
   EXPECT_LT(measureEdgeOffsets(smooth, lower, kOptions).rms_px(), 0.15);
 }
 
-TEST(EdgeOffsets, BesideTheBorderNothingIsMeasured) {
+TEST(EdgeOffsets, NearTheBorderNothingIsMeasured) {
   const cv::Mat smooth = smoothForEdges(squaresImage({0.0F, 0.0F}));
   const std::vector<LineSegment> outside = {{{-50.0F, 10.0F}, {-5.0F, 80.0F}},
                                             {{10.0F, 1.0F}, {90.0F, 1.0F}},

@@ -1,4 +1,4 @@
-/// The lines of the start-up report: each is fine with healthy facts and fails with its faults.
+/// The lines of the start-up report: each is ok for a good input and fails for its faults.
 
 #include "ros/doctor_report.h"
 
@@ -10,12 +10,12 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "point_line_odometry/synthetic_world.h"
+#include "ros/calibration_conversion.h"
 #include "ros/camera_messages.h"
-#include "ros/conversions.h"
-#include "ros/doctor_examination.h"
-#include "ros/doctor_judgement.h"
+#include "ros/doctor_checks.h"
+#include "ros/doctor_rules.h"
 #include "ros/stereo_input.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
@@ -39,7 +39,7 @@ const Street& street() {
   return instance;
 }
 
-/// A stereo camera whose messages a test may spoil before the doctor sees them.
+/// A stereo camera whose messages a test may change before the doctor receives them.
 class Camera {
  public:
   Camera() {
@@ -53,7 +53,7 @@ class Camera {
     }
   }
 
-  /// Publishes `frames` frames and gives what the examination makes of them.
+  /// Publishes `frames` frames and returns the facts of the checks.
   DoctorFacts watch(int frames = 10) {
     StereoInput::TopicNames names;
     for (std::size_t i = 0; i < kNumStereoTopics; ++i) {
@@ -62,9 +62,9 @@ class Camera {
     StereoMessages last;
     StereoInput input(parameters_, names, [&](const StereoMessages& set) { last = set; });
     for (int k = 1; k <= frames; ++k) publish(k, &input);
-    DoctorExamination examination(parameters_);
-    if (last.left) examination.measure(last);
-    DoctorFacts facts = examination.facts(input.facts(frames * kPeriod_s + silence_s_), tf_);
+    DoctorChecks checks(parameters_);
+    if (last.left) checks.measure(last);
+    DoctorFacts facts = checks.facts(input.facts(frames * kPeriod_s + timeout_s_), tf_);
     facts.frame_ms = 20.0;
     return facts;
   }
@@ -78,7 +78,7 @@ class Camera {
   std::array<bool, kNumStereoTopics> sent_{true, true, true, true};
   double right_delay_s_ = 0.0;
   double info_delay_s_ = 0.0;
-  double silence_s_ = 0.0;
+  double timeout_s_ = 0.0;
   bool unstamped_ = false;
   tf2::BufferCore tf_;
 
@@ -111,7 +111,7 @@ DoctorLine lineOf(const std::vector<DoctorLine>& lines, Subject subject) {
   for (const DoctorLine& line : lines) {
     if (line.subject == subject) return line;
   }
-  ADD_FAILURE() << "no line about " << toString(subject);
+  ADD_FAILURE() << "no line on " << toString(subject);
   return {};
 }
 
@@ -119,14 +119,14 @@ bool contains(const std::string& text, const std::string& words) {
   return text.find(words) != std::string::npos;
 }
 
-/// The line about a subject has this level and these words, and a cure if it failed.
+/// The line on a subject has this level and these words, and a hint if it failed.
 void expectLine(const DoctorFacts& facts, Subject subject, Level level, const std::string& words,
-                const std::string& cure = "") {
-  const DoctorLine line = lineOf(examine(facts), subject);
+                const std::string& hint = "") {
+  const DoctorLine line = lineOf(checkInput(facts), subject);
   EXPECT_EQ(line.level, level) << toString(subject) << ": " << line.text;
   EXPECT_TRUE(contains(line.text, words)) << line.text;
-  EXPECT_TRUE(contains(line.cure, cure)) << line.cure;
-  EXPECT_EQ(line.cure.empty(), !line.failed()) << line.text;
+  EXPECT_TRUE(contains(line.hint, hint)) << line.hint;
+  EXPECT_EQ(line.hint.empty(), !line.failed()) << line.text;
 }
 
 cv::Mat movedDown(const cv::Mat& image, double pixels) {
@@ -138,10 +138,10 @@ cv::Mat movedDown(const cv::Mat& image, double pixels) {
 
 TEST(DoctorReportTest, EverythingIsWellWithAHealthyCamera) {
   Camera camera;
-  const std::vector<DoctorLine> lines = examine(camera.watch());
+  const std::vector<DoctorLine> lines = checkInput(camera.watch());
   for (const DoctorLine& line : lines) {
     EXPECT_EQ(line.level, Level::kOk) << toString(line.subject) << ": " << line.text;
-    EXPECT_TRUE(line.cure.empty());
+    EXPECT_TRUE(line.hint.empty());
     EXPECT_FALSE(line.text.empty());
   }
   EXPECT_EQ(lines.size(), 13U);
@@ -155,7 +155,7 @@ TEST(DoctorReportTest, EverythingIsWellWithAHealthyCamera) {
 
 TEST(DoctorReportTest, NothingIsKnownBeforeAnythingComes) {
   Camera camera;
-  const std::vector<DoctorLine> lines = examine(camera.watch(0));
+  const std::vector<DoctorLine> lines = checkInput(camera.watch(0));
   for (const Subject subject :
        {Subject::kLeftImage, Subject::kRightImage, Subject::kLeftInfo, Subject::kRightInfo}) {
     EXPECT_EQ(lineOf(lines, subject).level, Level::kError);
@@ -168,7 +168,7 @@ TEST(DoctorReportTest, NothingIsKnownBeforeAnythingComes) {
   EXPECT_EQ(summarize(lines), "4 errors, 8 not known yet");
 }
 
-TEST(DoctorReportTest, NamesAMissingTopicAndWhatThereIsInstead) {
+TEST(DoctorReportTest, NamesAMissingTopicAndTheAvailableOnes) {
   for (const StereoTopic topic : {kLeftImage, kRightImage, kLeftInfo, kRightInfo}) {
     Camera camera;
     camera.sent_[topic] = false;
@@ -192,11 +192,11 @@ TEST(DoctorReportTest, NamesAMissingTopicAndWhatThereIsInstead) {
   expectLine(facts, Subject::kLeftImage, Level::kError, "nothing", "images are on /cam/image");
 }
 
-TEST(DoctorReportTest, SeesACameraThatHasStopped) {
+TEST(DoctorReportTest, ReportsACameraThatHasStopped) {
   Camera camera;
-  camera.silence_s_ = 1.0;
+  camera.timeout_s_ = 1.0;
   expectLine(camera.watch(), Subject::kRightImage, Level::kOk, "10.0 Hz");
-  camera.silence_s_ = 3.0;
+  camera.timeout_s_ = 3.0;
   expectLine(camera.watch(), Subject::kRightImage, Level::kError, "nothing any more for 3.0 s",
              "restart");
 }
@@ -222,15 +222,15 @@ TEST(DoctorReportTest, MeasuresTheSkewOfStamps) {
   expectLine(unstamped.watch(), Subject::kStamps, Level::kError, "stamp 0", "time of exposure");
 }
 
-/// The look-up tables of such a calibration would take 50 GB.
-TEST(DoctorReportTest, MakesNoTablesOfASizeThatTheImagesHaveNot) {
+/// The rectification maps of such a calibration would take 50 GB.
+TEST(DoctorReportTest, BuildsNoRectifierForASizeOtherThanThatOfTheImages) {
   Camera camera;
   camera.parameters_.rectify = true;
   for (sensor_msgs::CameraInfo& info : camera.infos_) info.width = info.height = 60000;
   EXPECT_FALSE(camera.watch().pair);
 }
 
-TEST(DoctorReportTest, NamesARawCalibrationThatCannotBe) {
+TEST(DoctorReportTest, NamesAnInvalidRawCalibration) {
   Camera camera;
   camera.parameters_.rectify = true;
   camera.infos_[0].K[0] = -1.0;
@@ -259,16 +259,42 @@ TEST(DoctorReportTest, RefusesImagesThatCannotBeUsed) {
              "binning");
 }
 
-TEST(DoctorReportTest, SeesABlankImage) {
+TEST(DoctorReportTest, ReportsABlankImage) {
   Camera camera;
   camera.right_ = cv::Mat(camera.right_.size(), CV_8UC1, cv::Scalar(3));
   const DoctorFacts facts = camera.watch();
-  expectLine(facts, Subject::kImages, Level::kWarn, "right image shows hardly anything", "lens");
+  expectLine(facts, Subject::kImages, Level::kWarn, "right image has hardly any contrast", "lens");
   expectLine(facts, Subject::kRectification, Level::kUnknown, "not measured");
   expectLine(facts, Subject::kDisparity, Level::kUnknown, "not measured");
 }
 
-TEST(DoctorReportTest, SeesOneCameraOnBothTopics) {
+TEST(DoctorReportTest, WarnsOfUnequalExposure) {
+  for (const double gain : {0.5, 0.6, 0.8, 1.0, 1.2, 1.6}) {
+    Camera camera;
+    camera.right_.convertTo(camera.right_, -1, gain);
+    const double ratio = std::max(gain, 1.0 / gain);
+    const bool is_unequal = ratio > 1.5;
+    expectLine(camera.watch(), Subject::kImages, is_unequal ? Level::kWarn : Level::kOk,
+               !is_unequal  ? "mono8"
+               : gain < 1.0 ? "the left image is"
+                            : "the right image is",
+               is_unequal ? "auto-exposure" : "");
+  }
+}
+
+TEST(DoctorReportTest, WarnsOfACalibrationOfAnotherResolution) {
+  for (const double scale : {0.5, 0.8, 1.0, 1.2, 2.0}) {
+    Camera camera;
+    for (auto& info : camera.infos_) {
+      for (const std::size_t i : {0U, 2U, 3U, 5U, 6U}) info.P[i] *= scale;
+    }
+    const bool is_of_other = scale < 0.6 || scale > 1.5;
+    expectLine(camera.watch(), Subject::kCalibration, is_of_other ? Level::kWarn : Level::kOk,
+               is_of_other ? "principal point" : "fx", is_of_other ? "resolution" : "");
+  }
+}
+
+TEST(DoctorReportTest, ReportsOneCameraOnBothTopics) {
   Camera camera;
   camera.right_ = camera.left_;
   expectLine(camera.watch(), Subject::kImages, Level::kError, "are the same", "remapping");
@@ -292,14 +318,14 @@ TEST(DoctorReportTest, NamesTheFieldOfABadCalibration) {
   expectLine(raw.watch(), Subject::kCalibration, Level::kError, "K", "");
 }
 
-TEST(DoctorReportTest, DoubtsABaselineInMillimetres) {
+TEST(DoctorReportTest, WarnsOfABaselineInMillimetres) {
   Camera camera;
   camera.infos_[1].P[3] *= 1000.0;
   expectLine(camera.watch(), Subject::kBaseline, Level::kWarn, "m, which hardly any pair has",
              "metres, not millimetres");
 }
 
-TEST(DoctorReportTest, MeasuresRowsOfImagesThatAreNotRectified) {
+TEST(DoctorReportTest, MeasuresTheVerticalDisparityOfImagesThatAreNotRectified) {
   for (const double down_px : {2.0, 6.0, -30.0}) {
     Camera camera;
     camera.right_ = movedDown(camera.right_, down_px);
@@ -309,7 +335,7 @@ TEST(DoctorReportTest, MeasuresRowsOfImagesThatAreNotRectified) {
     ASSERT_TRUE(facts.pair);
     EXPECT_NEAR(facts.pair->row_offset_px, down_px, 0.3);
     std::array<char, 16> amount{};
-    std::snprintf(amount.data(), amount.size(), "%.2f px", facts.pair->row_distance_px);
+    std::snprintf(amount.data(), amount.size(), "%.2f px", facts.pair->vertical_disparity_px);
     expectLine(facts, Subject::kRectification, Level::kWarn, amount.data());
     expectLine(facts, Subject::kDisparity, Level::kOk, "left camera is left");
   }
@@ -318,26 +344,26 @@ TEST(DoctorReportTest, MeasuresRowsOfImagesThatAreNotRectified) {
   expectLine(slightly.watch(), Subject::kRectification, Level::kOk, "1.0");
 }
 
-TEST(DoctorReportTest, SeesThatTheImagesAreOfDifferentPlaces) {
+TEST(DoctorReportTest, ReportsImagesOfDifferentScenes) {
   Camera camera;
   cv::flip(camera.right_, camera.right_, 0);
-  expectLine(camera.watch(), Subject::kRectification, Level::kWarn, "are not found in the right",
+  expectLine(camera.watch(), Subject::kRectification, Level::kWarn, "have no match in the right",
              "upside down");
   DoctorFacts plain_wall = camera.watch();
-  plain_wall.pair->corners_right = 100;
+  plain_wall.pair->keypoints_right = 100;
   expectLine(plain_wall, Subject::kRectification, Level::kUnknown, "not measured");
 }
 
 TEST(DoctorReportTest, WarnsWhenTheRectificationDrifts) {
   Camera camera;
   DoctorFacts facts = camera.watch();
-  facts.row_drift_px = 0.3;
+  facts.vertical_drift_px = 0.3;
   expectLine(facts, Subject::kRectification, Level::kOk, "matched points");
-  facts.row_drift_px = -0.7;
+  facts.vertical_drift_px = -0.7;
   expectLine(facts, Subject::kRectification, Level::kWarn, "drifted by -0.70 px", "fasten");
 }
 
-TEST(DoctorReportTest, SeesSwappedCameras) {
+TEST(DoctorReportTest, ReportsSwappedCameras) {
   Camera images;
   std::swap(images.left_, images.right_);
   expectLine(images.watch(), Subject::kDisparity, Level::kError, "are swapped", "exchange");
@@ -378,9 +404,62 @@ TEST(DoctorReportTest, ComparesTheTimeOfAFrameWithTheRate) {
   expectLine(facts, Subject::kSpeed, Level::kUnknown, "");
 }
 
-TEST(DoctorReportTest, SeesAClockThatStands) {
+ProcessedFrame maskedFrame(double inliers_near_rim) {
+  ProcessedFrame frame;
+  frame.left_mask = cv::Mat(100, 400, CV_8UC1, cv::Scalar(255));
+  frame.left_mask.colRange(0, 100) = cv::Scalar(0);
+  frame.masks.left = frame.left_mask;
+  for (int i = 0; i < 200; ++i) {
+    ObservedPoint point;
+    point.left_px = {i % 2 == 0 ? 110.0F : 300.0F, 50.0F};
+    point.inlier = i % 2 == 1 || i < 200 * inliers_near_rim;
+    frame.result.points.push_back(point);
+  }
+  return frame;
+}
+
+TEST(DoctorReportTest, ReportsOnMasksWhereThereAreSome) {
+  Camera camera;
+  DoctorFacts facts = camera.watch();
+  facts.masks.emplace();
+  for (const DoctorLine& line : checkInput(facts)) EXPECT_NE(line.subject, Subject::kMasks);
+  camera.parameters_.left.mask = "no_such_mask.png";
+  expectLine(camera.watch(), Subject::kMasks, Level::kError, "no_such_mask.png", "PNG");
+  facts.masks.reset();
+  facts.parameters.left.mask = "bonnet.png";
+  expectLine(facts, Subject::kMasks, Level::kUnknown, "no frame");
+  const auto masksOf = [](const ProcessedFrame& frame) {
+    MaskFacts masks;
+    for (int i = 0; i < 4; ++i) masks.add(frame);
+    return masks;
+  };
+  facts.masks = masksOf(maskedFrame(1.0));
+  expectLine(facts, Subject::kMasks, Level::kOk, "25 % of the left and 0 % of the right");
+  facts.masks = masksOf(maskedFrame(0.5));
+  expectLine(facts, Subject::kMasks, Level::kWarn, "near its rim only 50 %", "enlarge the mask");
+  ProcessedFrame all = maskedFrame(1.0);
+  all.masks.left = cv::Mat(100, 400, CV_8UC1, cv::Scalar(0));
+  facts.masks = masksOf(all);
+  expectLine(facts, Subject::kMasks, Level::kWarn, "100 % of the left", "0, all others");
+}
+
+TEST(DoctorReportTest, WarnsOfMasksThatAreMissingOrUnusable) {
+  Camera camera;
+  camera.parameters_.mask_images = "both";
+  DoctorFacts facts = camera.watch();
+  facts.masks.emplace();
+  facts.masks->frames = 10;
+  facts.masks->missing = 1;
+  expectLine(facts, Subject::kMasks, Level::kOk, "0 % of the left");
+  facts.masks->missing = 7;
+  expectLine(facts, Subject::kMasks, Level::kWarn, "7 of 20 masks", "mask_wait_s");
+  facts.masks->fault = "left mask: it is 3 x 3";
+  expectLine(facts, Subject::kMasks, Level::kWarn, "left mask: it is 3 x 3", "mono8");
+}
+
+TEST(DoctorReportTest, ReportsAMissingClock) {
   DoctorFacts facts = Camera().watch();
-  facts.clock_stands = true;
+  facts.clock_missing = true;
   expectLine(facts, Subject::kClock, Level::kWarn, "use_sim_time", "--clock");
 }
 
@@ -402,7 +481,7 @@ TEST(DoctorReportTest, MeasuresRawImagesAfterRectification) {
 TEST(DoctorReportTest, BecomesMessagesAndText) {
   Camera camera;
   camera.frame_ = "unknown_camera";
-  const std::vector<DoctorLine> lines = examine(camera.watch());
+  const std::vector<DoctorLine> lines = checkInput(camera.watch());
   const auto array = toDiagnosticArray(lines, "odometry", ros::Time(5.0));
   ASSERT_EQ(array.status.size(), lines.size());
   int errors = 0;
@@ -412,7 +491,7 @@ TEST(DoctorReportTest, BecomesMessagesAndText) {
     ++errors;
     EXPECT_EQ(status.name, "odometry: tf");
     ASSERT_FALSE(status.values.empty());
-    EXPECT_EQ(status.values[0].key, "cure");
+    EXPECT_EQ(status.values[0].key, "hint");
     EXPECT_TRUE(contains(status.message, status.values[0].value));
   }
   EXPECT_EQ(errors, 1);
@@ -421,29 +500,30 @@ TEST(DoctorReportTest, BecomesMessagesAndText) {
   EXPECT_TRUE(contains(text, "-> publish it"));
 }
 
-TEST(PairTrendTest, TakesMediansAndSeesTheDrift) {
+TEST(PairTrendTest, ReturnsMediansAndTheDrift) {
   PairTrend trend;
   EXPECT_FALSE(trend.current());
   PairMeasurement measurement;
   measurement.matches = 100;
   for (const double offset_px : {0.1, 0.2, 9.0, 0.1, 0.2}) {
-    EXPECT_FALSE(trend.rowDrift_px());
+    EXPECT_FALSE(trend.verticalDrift_px());
     measurement.row_offset_px = offset_px;
     trend.add(measurement);
   }
   EXPECT_DOUBLE_EQ(trend.current()->row_offset_px, 0.2) << "one outlier of five does not count";
-  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.0);
+  EXPECT_DOUBLE_EQ(trend.verticalDrift_px().value(), 0.0);
   for (int i = 0; i < 100; ++i) {
     measurement.row_offset_px = 1.0;
     trend.add(measurement);
   }
-  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.8);
+  EXPECT_DOUBLE_EQ(trend.verticalDrift_px().value(), 0.8);
   trend.add(PairMeasurement());
-  EXPECT_FALSE(trend.current()->valid()) << "a blank image is said to be one";
-  EXPECT_DOUBLE_EQ(trend.rowDrift_px().value(), 0.8);
+  EXPECT_FALSE(trend.current()->valid())
+      << "the latest measurement, which has no matches, is returned itself";
+  EXPECT_DOUBLE_EQ(trend.verticalDrift_px().value(), 0.8);
 }
 
-TEST(PairTrendTest, BeginsAnewWithAnotherCalibration) {
+TEST(PairTrendTest, IsResetByAnotherCalibration) {
   const auto set = [](const sensor_msgs::CameraInfo& right_info) {
     return StereoMessages{
         toImageMessage(street().images.left, {}), toImageMessage(street().images.right, {}),
@@ -453,12 +533,12 @@ TEST(PairTrendTest, BeginsAnewWithAnotherCalibration) {
   const sensor_msgs::CameraInfo info = toCameraInfo(street().calibration.right, {});
   sensor_msgs::CameraInfo other = info;
   other.P[3] *= 1.1;
-  DoctorExamination examination((NodeParameters()));
+  DoctorChecks checks((NodeParameters()));
   const tf2::BufferCore tf;
-  for (std::size_t i = 0; i < PairTrend::kWindow; ++i) examination.measure(set(info));
-  EXPECT_TRUE(examination.facts(InputFacts(), tf).row_drift_px);
-  examination.measure(set(other));
-  EXPECT_FALSE(examination.facts(InputFacts(), tf).row_drift_px);
+  for (std::size_t i = 0; i < PairTrend::kWindow; ++i) checks.measure(set(info));
+  EXPECT_TRUE(checks.facts(InputFacts(), tf).vertical_drift_px);
+  checks.measure(set(other));
+  EXPECT_FALSE(checks.facts(InputFacts(), tf).vertical_drift_px);
 }
 
 std::vector<DoctorLine> linesOf(Level level) {
@@ -472,7 +552,8 @@ TEST(ReportScheduleTest, ReportsOnceAfterTwoSecondsWhenAllIsWell) {
   EXPECT_FALSE(schedule.due(1.9, linesOf(Level::kOk)));
   EXPECT_TRUE(schedule.due(2.0, linesOf(Level::kOk)));
   for (double age_s = 3.0; age_s < 1000.0; age_s += 1.0) {
-    EXPECT_FALSE(schedule.due(age_s, linesOf(Level::kError))) << "the diagnostics take over";
+    EXPECT_FALSE(schedule.due(age_s, linesOf(Level::kError)))
+        << "later changes are left to the diagnostics";
   }
 }
 

@@ -1,18 +1,22 @@
-/// What the ROS shell does around the core, without a node: parameters, queue, frame processor,
-/// outgoing messages.
+/// The ROS layer around the core, without a node: parameters, frame processor, published messages.
 
 #include "ros/frame_processor.h"
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 
+#include "common/input_error.h"
+#include "ros/camera_messages.h"
 #include "ros/conversions.h"
 #include "ros/frame_messages.h"
-#include "ros/node_parameters.h"
+#include "ros/parameter_loader.h"
 
 namespace point_line_odometry {
 namespace {
@@ -27,7 +31,7 @@ Eigen::Isometry3d mounting() {
   return T_base_camera;
 }
 
-/// A black pair at `stamp_s`; black images are legal, the core just finds nothing in them.
+/// A black pair at `stamp_s`: valid, but without features.
 StereoMessages makeMessages(double stamp_s) {
   const auto image = boost::make_shared<sensor_msgs::Image>();
   image->header.stamp = ros::Time(stamp_s);
@@ -95,7 +99,7 @@ TEST(ParseParameters, SetsBothTables) {
   tree["publish_tf"] = false;
   tree["initial_pose"]["yaw"] = kHalfPi;
   tree["lines"]["max_count"] = 123;
-  tree["tracking"]["max_speed_m_s"] = 7;  // a whole number for a real one
+  tree["tracking"]["max_speed_m_s"] = 7;  // an integer for a double
   const AllParameters parameters = parseParameters(tree);
   EXPECT_EQ(parameters.node.base_frame_id, "robot");
   EXPECT_FALSE(parameters.node.publish_tf);
@@ -120,7 +124,22 @@ TEST(ParseParameters, NamesEverythingThatIsWrong) {
   }
 }
 
-TEST(ParseParameters, LeavesTheLibrariesTheirOwn) {
+TEST(ParseParameters, RetiredOnesAreIgnoredWithAWarning) {
+  XmlRpc::XmlRpcValue tree;
+  tree["motion"]["max_iterations"] = 7;
+  tree["window"]["max_iterations"] = std::string("many");
+  tree["lines"]["max_count"] = 123;
+  std::vector<std::string> warnings;
+  EXPECT_EQ(parseParameters(tree, &warnings).core.lines.max_count, 123);
+  ASSERT_EQ(warnings.size(), 2U);
+  EXPECT_NE(warnings[0].find("motion/max_iterations"), std::string::npos) << warnings[0];
+  EXPECT_NE(warnings[1].find("window/max_iterations"), std::string::npos) << warnings[1];
+  tree["max_iterations"] = 7;  // never was one
+  EXPECT_NE(parseError(tree).find("~max_iterations"), std::string::npos);
+  EXPECT_EQ(parseError(tree).find("motion/"), std::string::npos);
+}
+
+TEST(ParseParameters, AcceptsParametersOfLibraries) {
   XmlRpc::XmlRpcValue tree;
   tree["num_worker_threads"] = 2;
   tree["compressed"]["mode"] = std::string("gray");
@@ -191,7 +210,7 @@ StereoMessages withBaseline(double baseline_m, double stamp_s) {
   return messages;
 }
 
-TEST(FrameProcessor, TakesAnotherCalibrationThatStaysAndKeepsThePose) {
+TEST(FrameProcessor, AcceptsAnotherCalibrationThatStaysAndKeepsThePose) {
   FrameProcessor processor(startAt(3.0, 0.0));
   processor.process(makeMessages(10.0), mounting());
   EXPECT_THROW(processor.process(withBaseline(0.3, 10.1), mounting()), MessageError);
@@ -217,14 +236,15 @@ TEST(FrameProcessor, AnotherCalibrationInAFewFramesChangesNothing) {
   try {
     processor.process(withBaseline(0.3, 11.1), mounting());
   } catch (const MessageError& error) {
-    EXPECT_EQ(std::string(error.what()),
-              "right/camera_info: P is not as in the frames before; it is taken once 3 frames in a "
-              "row have it");
+    EXPECT_EQ(
+        std::string(error.what()),
+        "right/camera_info: P is not as in the frames before; it is accepted once 3 frames in a "
+        "row have it");
   }
 }
 
-/// The look-up tables of such a calibration would take 50 GB.
-TEST(FrameProcessor, RefusesASizeThatTheImagesHaveNotBeforeItMakesTables) {
+/// The rectification maps of such a calibration would take 50 GB.
+TEST(FrameProcessor, RefusesASizeOtherThanThatOfTheImagesBeforeItBuildsARectifier) {
   AllParameters parameters;
   parameters.node.rectify = true;
   FrameProcessor processor(parameters);
@@ -239,6 +259,100 @@ TEST(FrameProcessor, RefusesASizeThatTheImagesHaveNotBeforeItMakesTables) {
   EXPECT_TRUE(processor.process(makeMessages(10.1), mounting()).result.accepted());
 }
 
+/// A mask of 320 x 240 px whose left `columns` are ignored.
+cv::Mat maskOf(int columns, cv::Size size = {320, 240}) {
+  cv::Mat mask(size, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, columns) = cv::Scalar(0);
+  return mask;
+}
+
+/// A file in the folder for temporary files that is removed again.
+class MaskFile {
+ public:
+  explicit MaskFile(const cv::Mat& image)
+      : name_((std::filesystem::temp_directory_path() /
+               ("point_line_mask_" + std::to_string(getpid()) + ".png"))
+                  .string()) {
+    cv::imwrite(name_, image);
+  }
+  ~MaskFile() { std::filesystem::remove(name_); }
+  const std::string& name() const { return name_; }
+
+ private:
+  std::string name_;
+};
+
+TEST(FrameProcessor, IgnoresWhatAFileOrAMessageMasks) {
+  const MaskFile file(maskOf(40));
+  AllParameters parameters;
+  parameters.node.left.mask = file.name();
+  parameters.node.mask_images = "both";
+  FrameProcessor processor(parameters);
+  StereoMessages messages = makeMessages(10.0);
+  cv::Mat below = maskOf(0);
+  below.rowRange(120, 240) = cv::Scalar(0);
+  messages.left_mask = toImageMessage(below, messages.left->header);
+  messages.right_mask = messages.left_mask;
+  const ProcessedFrame both = processor.process(messages, mounting());
+  EXPECT_EQ(cv::countNonZero(both.masks.left), 280 * 120);
+  EXPECT_EQ(cv::countNonZero(both.masks.right), 320 * 120);
+  EXPECT_EQ(cv::countNonZero(both.left_mask), 280 * 120);
+  EXPECT_EQ(both.masks.missing, 0);
+  const ProcessedFrame file_only = processor.process(makeMessages(10.1), mounting());
+  EXPECT_EQ(cv::countNonZero(file_only.masks.left), 280 * 240);
+  EXPECT_TRUE(file_only.masks.right.empty());
+  EXPECT_EQ(file_only.masks.missing, 2);
+}
+
+TEST(FrameProcessor, AMaskFileOfTheWrongSizeRejectsFramesWithItsName) {
+  const MaskFile file(maskOf(40, {300, 240}));
+  AllParameters parameters;
+  parameters.node.right.mask = file.name();
+  FrameProcessor processor(parameters);
+  try {
+    processor.process(makeMessages(10.0), mounting());
+    ADD_FAILURE() << "the mask was taken";
+  } catch (const MessageError& error) {
+    const std::string text = error.what();
+    for (const char* part : {"right mask '", file.name().c_str(), "300 x 240", "320 x 240"})
+      EXPECT_NE(text.find(part), std::string::npos) << text;
+  }
+}
+
+TEST(FrameProcessor, AMaskFileMustBeAnImageOfEightBit) {
+  const MaskFile deep(cv::Mat(240, 320, CV_16UC1, cv::Scalar(1)));
+  for (const std::string& name : {std::string("no_such_mask.png"), deep.name()}) {
+    AllParameters parameters;
+    parameters.node.left.mask = name;
+    EXPECT_THROW(FrameProcessor{parameters}, InputError) << name;
+  }
+  const MaskFile colours(cv::Mat(240, 320, CV_8UC3, cv::Scalar(0, 0, 9)));
+  AllParameters parameters;
+  parameters.node.left.mask = colours.name();
+  FrameProcessor processor(parameters);
+  EXPECT_TRUE(processor.process(makeMessages(10.0), mounting()).result.accepted());
+}
+
+/// The frame is used without it.
+TEST(FrameProcessor, AMaskMessageThatCannotBeUsedIsAsGoodAsNone) {
+  AllParameters parameters;
+  parameters.node.mask_images = "left";
+  FrameProcessor processor(parameters);
+  StereoMessages messages = makeMessages(10.0);
+  messages.left_mask = toImageMessage(maskOf(10, {319, 240}), messages.left->header);
+  ProcessedFrame frame = processor.process(messages, mounting());
+  EXPECT_TRUE(frame.result.accepted());
+  EXPECT_EQ(frame.masks.missing, 1);
+  EXPECT_NE(frame.masks.fault.find("319 x 240"), std::string::npos) << frame.masks.fault;
+  messages = makeMessages(10.1);
+  const auto labels = toImageMessage(maskOf(10), messages.left->header);
+  labels->encoding = "mono16";
+  messages.left_mask = labels;
+  frame = processor.process(messages, mounting());
+  EXPECT_NE(frame.masks.fault.find("mono16"), std::string::npos) << frame.masks.fault;
+  EXPECT_TRUE(frame.masks.left.empty());
+}
+
 TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
   for (const std::string policy : {"reset", "keep_pose", "ignore"}) {
     AllParameters parameters = startAt(1.0, 0.0);
@@ -251,7 +365,7 @@ TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
     processor.process(makeMessages(21.0), mounting());
     const ProcessedFrame frame = processor.process(makeMessages(10.0), mounting());
     EXPECT_EQ(frame.result.accepted(), policy != "ignore") << policy;
-    EXPECT_EQ(processor.startedAnew(), policy == "reset") << policy;
+    EXPECT_EQ(processor.wasReset(), policy == "reset") << policy;
     EXPECT_NEAR(frame.T_odom_base().translation().x(), policy == "reset" ? 1.0 : 5.0, 1e-9)
         << policy;
   }
@@ -266,12 +380,12 @@ TEST(FrameProcessor, ALateFrameIsNoJumpOfTheClock) {
     processor.process(makeMessages(21.0), mounting());
     const ProcessedFrame late = processor.process(makeMessages(20.1), mounting());
     EXPECT_EQ(late.result.reason, TrackingReason::kStampNotNewer) << policy;
-    EXPECT_FALSE(processor.startedAnew()) << policy;
+    EXPECT_FALSE(processor.wasReset()) << policy;
     EXPECT_EQ(processor.process(makeMessages(21.1), mounting()).result.accepted(), true) << policy;
   }
 }
 
-TEST(FrameProcessor, FeatureBudgetIsAShareOfTheParametersAndNoNewStart) {
+TEST(FrameProcessor, FeatureBudgetIsAShareOfTheParametersWithoutAReset) {
   FrameProcessor processor{AllParameters()};
   Parameters used;
   bool continues = false;
@@ -290,13 +404,13 @@ TEST(FrameProcessor, FeatureBudgetIsAShareOfTheParametersAndNoNewStart) {
   core.lines.max_count = 100;
   processor.setParameters(core);
   processor.process(makeMessages(1.2), mounting());
-  EXPECT_EQ(used.lines.max_count, 50) << "other parameters do not end the saving";
+  EXPECT_EQ(used.lines.max_count, 50) << "other parameters do not reset the budget";
   processor.setFeatureBudget(1.0);
   processor.process(makeMessages(1.3), mounting());
   EXPECT_EQ(used.lines.max_count, 100);
 }
 
-TEST(FrameProcessor, UndoesTheRectifyingRotation) {
+TEST(FrameProcessor, InvertsTheRectifyingRotation) {
   AllParameters parameters;
   parameters.node.rectify = true;
   FrameProcessor processor(parameters);
@@ -355,7 +469,7 @@ TEST(FrameMessages, CloudHoldsTheInliers) {
   EXPECT_EQ(*sensor_msgs::PointCloud2ConstIterator<float>(cloud, "intensity"), 42.0F);
 }
 
-TEST(FrameMessages, MarkersTellInliersFromOutliers) {
+TEST(FrameMessages, MarkersSeparateInliersFromOutliers) {
   ProcessedFrame frame = makeFrame();
   const auto markers = toLineMarkers(frame);
   ASSERT_EQ(markers.markers.size(), 2U);
@@ -368,15 +482,15 @@ TEST(FrameMessages, MarkersTellInliersFromOutliers) {
   EXPECT_EQ(toLineMarkers(frame).markers[1].action, visualization_msgs::Marker::DELETE);
 }
 
-TEST(FrameMessages, LandmarksAreNearInliersInOdom) {
+TEST(FrameMessages, AccumulatedSegmentsAreNearInliersInOdom) {
   ProcessedFrame frame = makeFrame();
-  ASSERT_EQ(toLandmarks(frame).size(), 1U);
-  EXPECT_TRUE(toLandmarks(frame)[0].end.isApprox(Eigen::Vector3d(2.3, -1.0, 0.0), 1e-6));
+  ASSERT_EQ(toAccumulatedSegments(frame).size(), 1U);
+  EXPECT_TRUE(toAccumulatedSegments(frame)[0].end.isApprox(Eigen::Vector3d(2.3, -1.0, 0.0), 1e-6));
   frame.result.lines[0].end_camera.z() = 1000.0F;
-  EXPECT_TRUE(toLandmarks(frame).empty());
+  EXPECT_TRUE(toAccumulatedSegments(frame).empty());
 }
 
-TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
+TEST(FrameMessages, FeaturesAndInfoHaveTheValuesOfTheResult) {
   ProcessedFrame frame = makeFrame();
   frame.result.counts.line_matches = 17;
   const StereoFeatures features = toFeatures(frame);
@@ -395,7 +509,7 @@ TEST(FrameMessages, FeaturesAndInfoSayWhatTheResultSays) {
   EXPECT_EQ(info.stage_names.size(), info.stage_ms.size());
 }
 
-TEST(LatencyMs, IsZeroWhereTheClockCannotTell) {
+TEST(LatencyMs, IsZeroWhereTheClockHasAnotherTimeBase) {
   EXPECT_DOUBLE_EQ(latencyMs(ros::Time(10.0), ros::Time(10.5)), 500.0);
   EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(9.0)), 0.0);
   EXPECT_EQ(latencyMs(ros::Time(10.0), ros::Time(1e9)), 0.0);

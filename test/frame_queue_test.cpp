@@ -19,7 +19,7 @@ constexpr milliseconds kLong{5000};
 
 bool always(const int&) { return true; }
 
-TEST(FrameQueue, KeepsTheNewestInOrderAndTellsWhatItDrops) {
+TEST(FrameQueue, KeepsTheNewestInOrderAndReportsDrops) {
   FrameQueue<int> queue(3);
   int dropped = 0;
   for (int i = 0; i < 10; ++i) dropped += queue.push(i) ? 0 : 1;
@@ -82,7 +82,8 @@ TEST(FrameQueue, ProducerDoesNotWaitForTheConsumersDecision) {
   const bool went_on = producer.wait_for(kLong) == std::future_status::ready;
   released.set_value();
   EXPECT_TRUE(went_on);
-  EXPECT_EQ(consumer.get(), 2) << "the item that was asked about has been dropped meanwhile";
+  EXPECT_EQ(consumer.get(), 2)
+      << "the item that `ready` was called with has been dropped meanwhile";
   EXPECT_EQ(questions, 2);
 }
 

@@ -1,4 +1,4 @@
-/// The inputs that fuzzers start from, and those that once failed, with any compiler.
+/// Seeds of the fuzzers and inputs that once failed, run with any compiler.
 
 #include <gtest/gtest.h>
 

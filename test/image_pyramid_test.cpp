@@ -1,4 +1,5 @@
-#include "point_line_odometry/image_pyramid.h"
+
+#include "features/image_pyramid.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +24,7 @@ cv::Mat noise(int width, int height) {
   return image;
 }
 
-TEST(ImagePyramid, BeginsWithTheImageItself) {
+TEST(ImagePyramid, FirstLevelIsTheImage) {
   const cv::Mat image = noise(200, 160);
   const ImagePyramid pyramid(image, levelsOf(3, 2.0));
   ASSERT_EQ(pyramid.levels.size(), 2U);  // 50 x 40 is too small
@@ -35,7 +36,7 @@ TEST(ImagePyramid, BeginsWithTheImageItself) {
   EXPECT_EQ(ImagePyramid(image, levelsOf(1, 2.0)).levels.size(), 1U);
 }
 
-TEST(ImagePyramid, PixelsAreTheMeansOfThoseTheyCover) {
+TEST(ImagePyramid, PixelsAreMeansOfTheFinerOnes) {
   const cv::Mat image = noise(256, 192);
   const ImagePyramid pyramid(image, levelsOf(3, 2.0));
   ASSERT_EQ(pyramid.levels.size(), 3U);
@@ -65,7 +66,7 @@ TEST(ImagePyramid, NoiseIsAveragedOut) {
   }
 }
 
-TEST(ImagePyramid, PixelsOfLevelsAndBack) {
+TEST(ImagePyramid, ToLevelAndFromLevelAreInverse) {
   for (const cv::Size& size : {cv::Size(400, 300), cv::Size(401, 303), cv::Size(641, 479)}) {
     for (const double factor : {1.2, 1.5, 2.0}) {
       const ImagePyramid pyramid(noise(size.width, size.height), levelsOf(3, factor));
@@ -86,8 +87,8 @@ TEST(ImagePyramid, PixelsOfLevelsAndBack) {
   }
 }
 
-TEST(ImagePyramid, LevelsShowWhatIsThere) {
-  // A ramp has the same brightness wherever one looks for the same place; odd sizes, too.
+TEST(ImagePyramid, LevelsKeepThePositions) {
+  // A ramp has the same brightness at corresponding pixels of all levels; odd sizes, too.
   for (const cv::Size& size : {cv::Size(240, 200), cv::Size(241, 203), cv::Size(199, 181)}) {
     cv::Mat ramp(size, CV_8UC1);
     for (int y = 0; y < ramp.rows; ++y) {
@@ -105,7 +106,7 @@ TEST(ImagePyramid, LevelsShowWhatIsThere) {
   }
 }
 
-TEST(ImagePyramid, LeavesOutLevelsTooSmallForACorner) {
+TEST(ImagePyramid, LeavesOutLevelsTooSmallForAKeypoint) {
   for (const cv::Size& size :
        {cv::Size(1, 1), cv::Size(3, 500), cv::Size(500, 3), cv::Size(40, 40), cv::Size(80, 300)}) {
     EXPECT_EQ(ImagePyramid(noise(size.width, size.height), levelsOf(8, 2.0)).levels.size(), 1U)

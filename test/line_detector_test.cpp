@@ -1,4 +1,5 @@
-#include "point_line_odometry/line_detector.h"
+
+#include "features/line_detector.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +7,15 @@
 #include <functional>
 #include <opencv2/imgproc.hpp>
 
+#include "features/a_contrario.h"
+#include "features/features.h"
+#include "features/gradient.h"
+#include "features/line_descriptor.h"
+#include "features/lsd_detector.h"
+#include "features/stereo_feature_detector.h"
 #include "matching/descriptor_distance.h"
-#include "point_line_odometry/lsd_detector.h"
-#include "point_line_odometry/stereo_feature_detector.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -16,7 +23,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Fills an image by a function of the place, averaged over 5 x 5 places a pixel.
+/// Fills an image by a function of the position, averaged over 5 x 5 samples per pixel.
 cv::Mat render(int width, int height, const std::function<double(const Vector2d&)>& brightness) {
   constexpr int kSamples = 5;
   cv::Mat image(height, width, CV_8UC1);
@@ -85,7 +92,7 @@ TEST(LineDetector, FindsEdgesToSubpixelsAtEveryAngle) {
     EXPECT_LT(std::abs(normal.dot(longest.start.cast<double>() - kMiddle)), 0.05) << degrees;
     EXPECT_LT(std::abs(normal.dot(longest.end.cast<double>() - kMiddle)), 0.05) << degrees;
     EXPECT_GT(longest.length(), 150.0F) << degrees;
-    // Brighter on the right hand: x right, y down, right of (1, 0) is (0, 1).
+    // Brighter on the right: x right, y down, right of (1, 0) is (0, 1).
     const Vector2d right_hand(-longest.direction().y(), longest.direction().x());
     EXPECT_GT(right_hand.dot(normal), 0.9999) << degrees;
   }
@@ -97,7 +104,7 @@ TEST(LineDetector, FindsAnEdgeOnce) {
   }
 }
 
-TEST(LineDetector, StandsNoise) {
+TEST(LineDetector, IsRobustToNoise) {
   for (int degrees = 3; degrees < 360; degrees += 40) {
     const double angle = degrees * M_PI / 180.0;
     cv::Mat image = halfPlane(angle);
@@ -113,8 +120,7 @@ TEST(LineDetector, StandsNoise) {
 }
 
 TEST(LineDetector, FindsThePolygonsSides) {
-  // A bright triangle: its sides, each from corner to corner, with the bright inside on the right
-  // hand.
+  // A bright triangle: its sides, each from corner to corner, with the bright inside on the right.
   const std::array<Vector2d, 3> corners{Vector2d(40.0, 50.0), Vector2d(160.0, 70.0),
                                         Vector2d(80.0, 165.0)};
   const auto cross = [](const Vector2d& a, const Vector2d& b) {
@@ -145,7 +151,7 @@ TEST(LineDetector, BothEdgesOfABarAreFoundWithOppositeDirections) {
   EXPECT_LT(segments[0].direction().dot(segments[1].direction()), -0.9999F);
 }
 
-TEST(LineDetector, AGentleRampIsNoEdge) {
+TEST(LineDetector, AGentleRampIsNotAnEdge) {
   EXPECT_TRUE(detect(render(kSize, kSize, [](const Vector2d& p) { return 20.0 + p.x(); })).empty());
 }
 
@@ -161,7 +167,7 @@ TEST(LineDetector, NoiseHasAlmostNoSegments) {
   EXPECT_LE(segments, 5U);
 }
 
-TEST(AContrarioTable, AsksForMoreInLargerImagesAndLongerSegments) {
+TEST(AContrarioTable, RequiresMoreInLargerImagesAndLongerSegments) {
   const AContrarioTable table(cv::Size(640, 480));
   EXPECT_EQ(table.imageSize(), cv::Size(640, 480));
   const auto fewest = [](const AContrarioTable& t, int n) {
@@ -175,7 +181,7 @@ TEST(AContrarioTable, AsksForMoreInLargerImagesAndLongerSegments) {
             fewest(AContrarioTable(cv::Size(64, 48)), 40));
   for (int n = 20; n < 1000; ++n) {
     EXPECT_LE(fewest(table, n), fewest(table, n + 1)) << n;
-    EXPECT_GT(fewest(table, n), n / 8) << "what chance gives is not enough";
+    EXPECT_GT(fewest(table, n), n / 8) << "more than by chance";
   }
 }
 
@@ -236,7 +242,7 @@ TEST(LineDetector, MinLengthDropsShorterOnes) {
   }
 }
 
-TEST(LineDetector, MinGradientDropsFainterOnes) {
+TEST(LineDetector, MinGradientDropsWeakerOnes) {
   LineParameters parameters;
   const cv::Mat faint =
       render(kSize, kSize, [](const Vector2d& p) { return p.x() > 90.2 ? 118.0 : 100.0; });
@@ -275,9 +281,9 @@ TEST(LineDetector, BridgesTheGapWhereAWireCrosses) {
   }
 }
 
-// --- Nasty images
+// --- Degenerate images
 
-TEST(LineDetector, FlatAndTinyImagesGiveNone) {
+TEST(LineDetector, UniformAndTinyImagesHaveNone) {
   EXPECT_TRUE(detect(cv::Mat(100, 100, CV_8UC1, cv::Scalar(77))).empty());
   for (const cv::Size& size :
        {cv::Size(1, 1), cv::Size(2, 50), cv::Size(50, 2), cv::Size(3, 3), cv::Size(8, 8)}) {
@@ -287,7 +293,7 @@ TEST(LineDetector, FlatAndTinyImagesGiveNone) {
   }
 }
 
-TEST(LineDetector, OneDetectorServesImagesOfSeveralSizes) {
+TEST(LineDetector, OneDetectorProcessesImagesOfSeveralSizes) {
   LineDetector detector({});
   const cv::Mat large = bars({60, 110, 80, 160, 70, 130});
   const cv::Mat small = large(cv::Rect(0, 0, 60, 120)).clone();
@@ -303,7 +309,7 @@ TEST(LineDetector, OneDetectorServesImagesOfSeveralSizes) {
 
 // --- Descriptors
 
-/// An upright edge with surroundings of its own.
+/// A vertical edge with its own surroundings.
 cv::Mat edgeAmidTexture(unsigned seed) {
   cv::Mat image(kSize, kSize, CV_32FC1);
   cv::RNG random(seed);
@@ -339,7 +345,7 @@ TEST(DescribeLines, IgnoresBrightness) {
   }
 }
 
-TEST(DescribeLines, StandsNoiseAndASmallShift) {
+TEST(DescribeLines, AreRobustToNoiseAndASmallShift) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     cv::Mat noisy = edgeAmidTexture(seed);
     addNoise(&noisy, 3.0, seed);
@@ -348,7 +354,7 @@ TEST(DescribeLines, StandsNoiseAndASmallShift) {
   }
 }
 
-TEST(DescribeLines, TellsSurroundingsApart) {
+TEST(DescribeLines, DistinguishesSurroundings) {
   std::vector<int> distances;
   for (unsigned a = 1; a <= 12; ++a) {
     for (unsigned b = a + 1; b <= 12; ++b)
@@ -360,7 +366,7 @@ TEST(DescribeLines, TellsSurroundingsApart) {
   EXPECT_GT(distances.front(), 5);
 }
 
-TEST(DescribeLines, TurnsWithTheImage) {
+TEST(DescribeLines, IsInvariantToRotation) {
   const cv::Mat image = edgeAmidTexture(3);
   cv::Mat turned;
   cv::rotate(image, turned, cv::ROTATE_90_CLOCKWISE);  // (x, y) -> (kSize - 1 - y, x)
@@ -369,7 +375,7 @@ TEST(DescribeLines, TurnsWithTheImage) {
   EXPECT_LE(hammingDistance(describe(image), describe(turned, segment)), 30);
 }
 
-TEST(DescribeLines, ReachesBeyondTheImageWithoutHarm) {
+TEST(DescribeLines, HandlesSamplesOutsideTheImage) {
   const cv::Mat image = edgeAmidTexture(4);
   const std::vector<LineSegment> segments{{{0.0F, 0.0F}, {0.0F, 199.0F}},
                                           {{199.0F, 199.0F}, {150.0F, 199.0F}},
@@ -393,7 +399,7 @@ class LsdDetectorTest : public ::testing::Test {
   }
 };
 
-TEST_F(LsdDetectorTest, FindsEdgesAtEveryAngleWithTheBrighterSideOnTheRightHand) {
+TEST_F(LsdDetectorTest, FindsEdgesAtEveryAngleWithTheBrighterSideOnTheRight) {
   Vector2d sum = Vector2d::Zero();  // of the offsets from the edge
   for (int degrees = 0; degrees < 360; degrees += 10) {
     const double angle = (degrees + 0.7) * M_PI / 180.0;
@@ -408,7 +414,7 @@ TEST_F(LsdDetectorTest, FindsEdgesAtEveryAngleWithTheBrighterSideOnTheRightHand)
     const Vector2d right_hand(-longest.direction().y(), longest.direction().x());
     EXPECT_GT(right_hand.dot(normal), 0.999) << degrees;
   }
-  EXPECT_LT(sum.norm(), 0.07) << "edges are where they are: " << sum.transpose();
+  EXPECT_LT(sum.norm(), 0.07) << "edges are unbiased: " << sum.transpose();
 }
 
 TEST_F(LsdDetectorTest, KeepsTheLongestThatAreLongEnough) {
@@ -426,13 +432,13 @@ TEST_F(LsdDetectorTest, KeepsTheLongestThatAreLongEnough) {
   EXPECT_EQ(detectLsd(image, parameters).size(), 11U);
 }
 
-TEST_F(LsdDetectorTest, SmallAndPlainImagesHaveNone) {
+TEST_F(LsdDetectorTest, SmallAndUniformImagesHaveNone) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(2, 9), cv::Size(9, 2), cv::Size(60, 40)}) {
     EXPECT_TRUE(detectLsd(cv::Mat(size, CV_8UC1, cv::Scalar(90))).empty()) << size;
   }
 }
 
-TEST(LineDetectorKind, IsWhatIsAskedForOrStandsInItsPlace) {
+TEST(LineDetectorKind, IsTheConfiguredOneOrItsFallback) {
   const auto kind = [](const char* detector, bool available) {
     LineParameters parameters;
     parameters.detector = detector;
@@ -443,13 +449,13 @@ TEST(LineDetectorKind, IsWhatIsAskedForOrStandsInItsPlace) {
   EXPECT_EQ(kind("lsd_or_edge_chains", true), "lsd");
   EXPECT_EQ(kind("lsd_or_edge_chains", false), "edge_chains");
   EXPECT_EQ(kind("lsd", true), "lsd");
-  EXPECT_EQ(kind("lsd", false), "lsd") << "checkParameters() refuses it; nothing takes its place";
+  EXPECT_EQ(kind("lsd", false), "lsd") << "checkParameters() refuses it; no fallback";
   LineParameters off;
   off.enabled = false;
   EXPECT_STREQ(toString(lineDetectorKind(off, [] { return true; })), "none");
 }
 
-TEST(LineDetectorKind, ThatRanIsTold) {
+TEST(LineDetectorKind, InUseIsReported) {
   LineParameters parameters;
   parameters.detector = "lsd_or_edge_chains";
   StereoFeatureDetector detector({}, parameters);

@@ -1,4 +1,5 @@
-// Landmarks: beliefs, the window's adjustment, the local map's bounds, and what the odometry gains.
+// Landmarks: EKF updates, bundle adjustment, the local map and its bounds, and the odometry with a
+// map.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,12 +9,20 @@
 #include <tuple>
 #include <vector>
 
+#include "features/features.h"
 #include "map/bundle_adjustment.h"
 #include "map/landmarks.h"
 #include "map/local_map.h"
 #include "map/new_landmarks.h"
-#include "point_line_odometry/pose_integrator.h"
+#include "matching/stereo_frame.h"
+#include "motion/correspondence.h"
+#include "motion/motion_estimator.h"
+#include "odometry/pose_integrator.h"
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/types.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -24,57 +33,58 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// --- Belief
+// --- GaussianEstimate
 
-/// A scalar seen again and again: the belief is the weighted mean, as in a text book.
-TEST(Belief, TakesTheWeightedMean) {
-  Belief<1, 1> belief;
-  belief.value(0) = 2.0;
-  belief.spread(0) = 0.5;
+/// Repeated observations of a scalar: the estimate is the weighted mean.
+TEST(GaussianEstimate, IsTheWeightedMean) {
+  GaussianEstimate<1, 1> estimate;
+  estimate.value(0) = 2.0;
+  estimate.sqrt_covariance(0) = 0.5;
   using Scalar = Eigen::Matrix<double, 1, 1>;
   // residual = observed - value, observed 3.0 with sigma 0.25
-  ASSERT_TRUE(belief.update<1>(Scalar(3.0 - 2.0), Scalar(-1.0), Scalar(0.0625)));
+  ASSERT_TRUE(estimate.update<1>(Scalar(3.0 - 2.0), Scalar(-1.0), Scalar(0.0625)));
   const double weight_before = 1.0 / 0.25;
   const double weight_seen = 1.0 / 0.0625;
-  EXPECT_NEAR(belief.value(0),
+  EXPECT_NEAR(estimate.value(0),
               (2.0 * weight_before + 3.0 * weight_seen) / (weight_before + weight_seen), 1e-12);
-  EXPECT_NEAR(belief.covariance()(0), 1.0 / (weight_before + weight_seen), 1e-12);
+  EXPECT_NEAR(estimate.covariance()(0), 1.0 / (weight_before + weight_seen), 1e-12);
 }
 
-TEST(Belief, WhatIsNotMeasuredStaysAsItWas) {
-  PointBelief belief;
-  belief.value = {1.0, 2.0, 3.0};
-  belief.spread = 0.1 * Matrix3d::Identity();
+TEST(GaussianEstimate, UnmeasuredDirectionsAreUnchanged) {
+  PointEstimate estimate;
+  estimate.value = {1.0, 2.0, 3.0};
+  estimate.sqrt_covariance = 0.1 * Matrix3d::Identity();
   Eigen::Matrix<double, 1, 3> by_value(-1.0, 0.0, 0.0);
-  ASSERT_TRUE(belief.update<1>(Eigen::Matrix<double, 1, 1>(0.5), by_value,
-                               Eigen::Matrix<double, 1, 1>(1e-8)));
-  EXPECT_NEAR(belief.value.x(), 1.5, 1e-5);
-  EXPECT_NEAR(belief.value.y(), 2.0, 1e-12);
-  EXPECT_NEAR(belief.covariance()(1, 1), 0.01, 1e-12);
-  EXPECT_LT(belief.covariance()(0, 0), 1e-7);
+  ASSERT_TRUE(estimate.update<1>(Eigen::Matrix<double, 1, 1>(0.5), by_value,
+                                 Eigen::Matrix<double, 1, 1>(1e-8)));
+  EXPECT_NEAR(estimate.value.x(), 1.5, 1e-5);
+  EXPECT_NEAR(estimate.value.y(), 2.0, 1e-12);
+  EXPECT_NEAR(estimate.covariance()(1, 1), 0.01, 1e-12);
+  EXPECT_LT(estimate.covariance()(0, 0), 1e-7);
 }
 
-TEST(Belief, RefusesWhatIsNotFinite) {
-  PointBelief belief;
-  belief.spread = Matrix3d::Identity();
-  const PointBelief before = belief;
+TEST(GaussianEstimate, RejectsUpdatesThatAreNotFinite) {
+  PointEstimate estimate;
+  estimate.sqrt_covariance = Matrix3d::Identity();
+  const PointEstimate before = estimate;
   const Vector3d nan = Vector3d::Constant(std::nan(""));
-  EXPECT_FALSE(belief.update<3>(nan, -Matrix3d::Identity(), Matrix3d::Identity()));
-  EXPECT_FALSE(belief.update<3>(Vector3d::Zero(), -Matrix3d::Identity(), -Matrix3d::Identity()));
-  EXPECT_EQ(belief.value, before.value);
-  EXPECT_EQ(belief.spread, before.spread);
+  EXPECT_FALSE(estimate.update<3>(nan, -Matrix3d::Identity(), Matrix3d::Identity()));
+  EXPECT_FALSE(estimate.update<3>(Vector3d::Zero(), -Matrix3d::Identity(), -Matrix3d::Identity()));
+  EXPECT_EQ(estimate.value, before.value);
+  EXPECT_EQ(estimate.sqrt_covariance, before.sqrt_covariance);
 }
 
 // --- Bundle adjustment
 
 constexpr double kNoisePx = 0.2;
 
-/// Keyframes on a curve that see points and lines; the truth, and a problem that starts off it.
+/// Keyframes on a curve that observe points and lines: ground truth, and a problem with perturbed
+/// initial values.
 struct BundleWorld {
   StereoCamera camera = synthetic::camera();
   std::vector<Isometry3d> poses;
   std::vector<Vector3d> points;
-  std::vector<LineBelief::Value> lines;
+  std::vector<LineEstimate::Value> lines;
   BundleProblem problem;
 
   BundleWorld(double noise_px, int num_points, int num_lines) {
@@ -88,55 +98,52 @@ struct BundleWorld {
                 : synthetic::transform({0.004, -0.003, 0.002}, {0.03, -0.02, 0.02});
       problem.frames.push_back({static_cast<std::uint64_t>(k), poses[k] * off, k < 2});
     }
-    const auto noise = [&] { return Vector2d(random.normal(noise_px), random.normal(noise_px)); };
+    const auto noise = [&] { return random.normals<2>(noise_px); };
     for (int i = 0; i < num_points; ++i) {
       points.push_back(poses[2] * synthetic::visiblePoint(camera, &random));
       problem.points.emplace_back();
       auto& landmark = problem.points.back();
       landmark.id = static_cast<std::uint64_t>(i);
-      landmark.place.value =
-          points.back() + Vector3d(random.normal(0.05), random.normal(0.05), random.normal(0.05));
-      landmark.place.spread = 0.05 * Matrix3d::Identity();
+      landmark.estimate.value = points.back() + random.normals<3>(0.05);
+      landmark.estimate.sqrt_covariance = 0.05 * Matrix3d::Identity();
       for (int k = 0; k < 5; ++k) {
         const Vector3d p = poses[k].inverse() * points.back();
-        PointSight sight;
-        sight.left_px = camera.projectLeft(p) + noise();
-        sight.right_px = camera.projectRight(p) + noise();
-        sight.sigma_px = kNoisePx;
-        landmark.sights.push_back({k, sight});
+        PointObservation observation;
+        observation.left_px = camera.projectLeft(p) + noise();
+        observation.right_px = camera.projectRight(p) + noise();
+        observation.sigma_px = kNoisePx;
+        landmark.observations.push_back({k, observation});
       }
     }
     for (int i = 0; i < num_lines; ++i) {
       const Vector3d start = poses[2] * synthetic::visiblePoint(camera, &random);
       const Vector3d end = start + Vector3d(0.4 * (i % 3 - 1), 1.0, 0.3 * (i % 2));
-      LineBelief::Value ends;
+      LineEstimate::Value ends;
       ends << start, end;
       lines.push_back(ends);
       problem.lines.emplace_back();
       auto& landmark = problem.lines.back();
       landmark.id = static_cast<std::uint64_t>(1000 + i);
-      // Each end moves across the line in two directions.
+      // Each end point moves in two directions normal to the line.
       const Vector3d along = (end - start).normalized();
       const Vector3d a = along.unitOrthogonal();
       const Vector3d b = along.cross(a);
-      landmark.place.spread.setZero();
-      landmark.place.spread.col(0).head<3>() = 0.05 * a;
-      landmark.place.spread.col(1).head<3>() = 0.05 * b;
-      landmark.place.spread.col(2).tail<3>() = 0.05 * a;
-      landmark.place.spread.col(3).tail<3>() = 0.05 * b;
-      landmark.place.value =
-          ends + landmark.place.spread * Eigen::Vector4d(random.normal(1.0), random.normal(1.0),
-                                                         random.normal(1.0), random.normal(1.0));
+      landmark.estimate.sqrt_covariance.setZero();
+      landmark.estimate.sqrt_covariance.col(0).head<3>() = 0.05 * a;
+      landmark.estimate.sqrt_covariance.col(1).head<3>() = 0.05 * b;
+      landmark.estimate.sqrt_covariance.col(2).tail<3>() = 0.05 * a;
+      landmark.estimate.sqrt_covariance.col(3).tail<3>() = 0.05 * b;
+      landmark.estimate.value = ends + landmark.estimate.sqrt_covariance * random.normals<4>(1.0);
       for (int k = 0; k < 5; ++k) {
         const Vector3d s = poses[k].inverse() * start;
         const Vector3d e = poses[k].inverse() * end;
-        LineSight sight;
-        sight.left_start_px = camera.projectLeft(s) + noise();
-        sight.left_end_px = camera.projectLeft(e) + noise();
-        sight.right_start_px = camera.projectRight(s) + noise();
-        sight.right_end_px = camera.projectRight(e) + noise();
-        sight.sigma_px = kNoisePx;
-        landmark.sights.push_back({k, sight});
+        LineObservation observation;
+        observation.left_start_px = camera.projectLeft(s) + noise();
+        observation.left_end_px = camera.projectLeft(e) + noise();
+        observation.right_start_px = camera.projectRight(s) + noise();
+        observation.right_end_px = camera.projectRight(e) + noise();
+        observation.sigma_px = kNoisePx;
+        landmark.observations.push_back({k, observation});
       }
     }
   }
@@ -156,10 +163,10 @@ TEST(AdjustBundle, RecoversExactPosesPointsAndLines) {
   ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
   EXPECT_LT(world.worstPose_m(), 1e-3);
   for (std::size_t i = 0; i < world.points.size(); ++i)
-    EXPECT_LT((world.problem.points[i].place.value - world.points[i]).norm(), 0.02);
+    EXPECT_LT((world.problem.points[i].estimate.value - world.points[i]).norm(), 0.02);
 }
 
-TEST(AdjustBundle, LinesAloneHoldThePoses) {
+TEST(AdjustBundle, LinesAloneConstrainThePoses) {
   BundleWorld world(0.0, 0, 40);
   ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
   EXPECT_LT(world.worstPose_m(), 2e-3);
@@ -172,16 +179,17 @@ TEST(AdjustBundle, NoiseAveragesOut) {
   EXPECT_LT(world.worstPose_m(), 0.006);
 }
 
-TEST(AdjustBundle, FixedFramesStay) {
+TEST(AdjustBundle, FixedFramesAreUnchanged) {
   BundleWorld world(kNoisePx, 60, 10);
   ASSERT_TRUE(adjustBundle(world.camera, {}, 10, &world.problem));
   for (int k = 0; k < 2; ++k)
     EXPECT_TRUE(world.problem.frames[k].T_map_camera.isApprox(world.poses[k], 0.0)) << k;
 }
 
-TEST(AdjustBundle, StandsOutliers) {
+TEST(AdjustBundle, IsRobustToOutliers) {
   BundleWorld world(kNoisePx, 100, 0);
-  for (int i = 0; i < 10; ++i) world.problem.points[i].sights[3].sight.left_px.x() += 40.0;
+  for (int i = 0; i < 10; ++i)
+    world.problem.points[i].observations[3].observation.left_px.x() += 40.0;
   ASSERT_TRUE(adjustBundle(world.camera, {}, 50, &world.problem));
   EXPECT_LT(world.worstPose_m(), 0.02);
 }
@@ -192,7 +200,7 @@ BundleProblem::Motion trueMotion(const BundleWorld& world, int from, double sigm
           sigma * sigma * Matrix6d::Identity()};
 }
 
-TEST(AdjustBundle, MotionsHoldWhatSightsDoNotShow) {
+TEST(AdjustBundle, MotionsConstrainWhatObservationsDoNot) {
   BundleWorld alone(kNoisePx, 4, 0);
   BundleWorld held(kNoisePx, 4, 0);
   for (int from = 1; from + 1 < static_cast<int>(held.poses.size()); ++from) {
@@ -204,7 +212,7 @@ TEST(AdjustBundle, MotionsHoldWhatSightsDoNotShow) {
   EXPECT_LT(held.worstPose_m(), 1e-3);
 }
 
-TEST(AdjustBundle, UncertainMotionsAreOverruledBySights) {
+TEST(AdjustBundle, ObservationsOutweighUncertainMotions) {
   BundleWorld world(0.0, 60, 20);
   BundleProblem::Motion wrong = trueMotion(world, 2, 1.0);
   wrong.T_from_to = wrong.T_from_to * synthetic::transform({0.02, -0.03, 0.01}, {0.2, -0.1, 0.3});
@@ -222,7 +230,7 @@ TEST(AdjustBundle, MotionWithoutAUsableCovarianceIsLeftOut) {
   EXPECT_LT(world.worstPose_m(), 1e-3);
 }
 
-/// What adjustBundle() returns, and that Ceres writes nothing to the log of the process.
+/// What adjustBundle() returns, and that nothing is written to the log of the process.
 bool adjustSilently(int max_iterations, BundleWorld* world) {
   testing::internal::CaptureStderr();
   const bool solved = adjustBundle(world->camera, {}, max_iterations, &world->problem);
@@ -234,7 +242,8 @@ TEST(AdjustBundle, NothingToSolveChangesNothing) {
   BundleProblem empty;
   EXPECT_FALSE(adjustBundle(synthetic::camera(), {}, 5, &empty));
   BundleWorld broken(0.0, 20, 0);
-  for (auto& landmark : broken.problem.points) landmark.sights[2].sight.left_px.x() = std::nan("");
+  for (auto& landmark : broken.problem.points)
+    landmark.observations[2].observation.left_px.x() = std::nan("");
   const Isometry3d before = broken.problem.frames[3].T_map_camera;
   EXPECT_FALSE(adjustSilently(5, &broken));
   EXPECT_TRUE(broken.problem.frames[3].T_map_camera.isApprox(before, 0.0));
@@ -249,7 +258,7 @@ TEST(AdjustBundle, APoseThatIsNotFiniteChangesNothing) {
   EXPECT_TRUE(world.problem.frames[4].T_map_camera.isApprox(before, 0.0));
 }
 
-/// Solves a world whose first landmarks have been spoilt: they are culled, the rest is adjusted.
+/// Solves a world whose first landmarks are invalid: they are culled, the others are adjusted.
 void expectFirstCulled(int num_points, int num_lines, BundleWorld* world) {
   ASSERT_TRUE(adjustSilently(50, world));
   EXPECT_LT(world->worstPose_m(), 0.006);
@@ -257,7 +266,7 @@ void expectFirstCulled(int num_points, int num_lines, BundleWorld* world) {
     const auto& landmark = world->problem.points[i];
     EXPECT_EQ(landmark.culled, static_cast<int>(i) < num_points) << i;
     if (landmark.culled) continue;
-    EXPECT_LT((landmark.place.value - world->points[i]).norm(), 0.2) << i;
+    EXPECT_LT((landmark.estimate.value - world->points[i]).norm(), 0.2) << i;
   }
   for (std::size_t i = 0; i < world->lines.size(); ++i)
     EXPECT_EQ(world->problem.lines[i].culled, static_cast<int>(i) < num_lines) << i;
@@ -265,9 +274,9 @@ void expectFirstCulled(int num_points, int num_lines, BundleWorld* world) {
 
 TEST(AdjustBundle, LandmarksBehindACameraAreCulled) {
   BundleWorld world(kNoisePx, 100, 30);
-  auto& point = world.problem.points[0].place.value;
+  auto& point = world.problem.points[0].estimate.value;
   point = world.poses[3] * Vector3d(0.1, 0.2, -0.5);
-  auto& ends = world.problem.lines[0].place.value;
+  auto& ends = world.problem.lines[0].estimate.value;
   ends.tail<3>() = world.poses[3] * Vector3d(0.6, 0.1, -1.8);  // one end
   expectFirstCulled(1, 1, &world);
 }
@@ -275,61 +284,61 @@ TEST(AdjustBundle, LandmarksBehindACameraAreCulled) {
 TEST(AdjustBundle, LandmarksThatAreNotFiniteAreCulled) {
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
     BundleWorld world(kNoisePx, 100, 30);
-    world.problem.points[0].place.value.setConstant(bad);
-    world.problem.points[1].place.value.z() = bad;
-    world.problem.points[2].place.spread(2, 2) = bad;
-    world.problem.points[3].sights[1].sight.right_px.x() = bad;
-    world.problem.lines[0].place.value.tail<3>().setConstant(bad);
-    world.problem.lines[1].place.value(2) = bad;
-    world.problem.lines[2].place.spread(1, 1) = bad;
-    world.problem.lines[3].sights[4].sight.left_end_px.y() = bad;
+    world.problem.points[0].estimate.value.setConstant(bad);
+    world.problem.points[1].estimate.value.z() = bad;
+    world.problem.points[2].estimate.sqrt_covariance(2, 2) = bad;
+    world.problem.points[3].observations[1].observation.right_px.x() = bad;
+    world.problem.lines[0].estimate.value.tail<3>().setConstant(bad);
+    world.problem.lines[1].estimate.value(2) = bad;
+    world.problem.lines[2].estimate.sqrt_covariance(1, 1) = bad;
+    world.problem.lines[3].observations[4].observation.left_end_px.y() = bad;
     expectFirstCulled(4, 4, &world);
   }
 }
 
 TEST(AdjustBundle, LinesWithoutADirectionAreCulled) {
   BundleWorld world(kNoisePx, 100, 30);
-  auto& short_line = world.problem.lines[0].place.value;
+  auto& short_line = world.problem.lines[0].estimate.value;
   short_line.tail<3>() = short_line.head<3>();
   const Isometry3d& T_map_camera = world.problem.frames[3].T_map_camera;
-  world.problem.lines[1].place.value << T_map_camera * Vector3d(0.0, 0.0, 2.0),
-      T_map_camera * Vector3d(0.0, 0.0, 5.0);  // on its axis: seen as a point
+  world.problem.lines[1].estimate.value << T_map_camera * Vector3d(0.0, 0.0, 2.0),
+      T_map_camera * Vector3d(0.0, 0.0, 5.0);  // on its axis: projects to a point
   expectFirstCulled(0, 2, &world);
 }
 
-/// A point at three times its depth: the first step of Gauss-Newton would put it behind the
-/// cameras. That step fails, not the window.
+/// A point at three times its depth: the first Gauss-Newton step would move it behind the cameras.
+/// That step fails, not the bundle adjustment.
 TEST(AdjustBundle, AStepBehindACameraIsMadeSmaller) {
   BundleWorld world(0.0, 60, 20);
   const Isometry3d& T_map_camera = world.poses[2];
-  auto& place = world.problem.points[0].place;
-  place.value = T_map_camera * (3.0 * (T_map_camera.inverse() * world.points[0]));
-  place.spread = Matrix3d::Identity();
+  auto& estimate = world.problem.points[0].estimate;
+  estimate.value = T_map_camera * (3.0 * (T_map_camera.inverse() * world.points[0]));
+  estimate.sqrt_covariance = Matrix3d::Identity();
   ASSERT_TRUE(adjustSilently(50, &world));
   EXPECT_FALSE(world.problem.points[0].culled);
-  EXPECT_LT((place.value - world.points[0]).norm(), 0.05);
+  EXPECT_LT((estimate.value - world.points[0]).norm(), 0.05);
   EXPECT_LT(world.worstPose_m(), 1e-3);
 }
 
 // --- Local map
 
-/// A point of the map with its place in space, that was in view all the time.
-MapPoint mapPoint(std::uint64_t id, const Vector3d& place) {
+/// A point of the map at a position, which was always in view.
+MapPoint mapPoint(std::uint64_t id, const Vector3d& estimate) {
   MapPoint point;
   point.id = id;
-  point.place.value = place;
-  point.place.spread = 2.0 * Matrix3d::Identity();
+  point.estimate.value = estimate;
+  point.estimate.sqrt_covariance = 2.0 * Matrix3d::Identity();
   return point;
 }
 
-/// A map that holds these points and nothing else.
+/// A map with these points only.
 LocalMap mapOf(std::vector<MapPoint> points) {
-  LocalMap map(WindowParameters{}, LocalMapParameters{});
+  LocalMap map;
   std::get<1>(map.state()) = std::move(points);
   return map;
 }
 
-TEST(LocalMap, ForgetsWhatAWindowHasCulled) {
+TEST(LocalMap, RemovesLandmarksCulledByTheBundleAdjustment) {
   LocalMap map = mapOf({mapPoint(3, {0.0, 0.0, 4.0}), mapPoint(5, {1.0, 0.0, 4.0})});
   BundleProblem solved;
   for (const std::uint64_t id : {3, 5}) {
@@ -337,42 +346,41 @@ TEST(LocalMap, ForgetsWhatAWindowHasCulled) {
     solved.points.back().id = id;
     solved.points.back().culled = id == 3;
   }
-  solved.points[0].place.value.setConstant(std::nan(""));
-  solved.points[1].place.value = {1.0, 0.0, 4.0};
-  map.adopt(solved);
+  solved.points[0].estimate.value.setConstant(std::nan(""));
+  solved.points[1].estimate.value = {1.0, 0.0, 4.0};
+  map.applyResult(solved);
   ASSERT_EQ(map.numPoints(), 1U);
   EXPECT_EQ(std::get<1>(map.state())[0].id, 5U);
 }
 
-/// Seen at a third of its depth: the update, which is linear in the depth, carries it behind the
-/// camera.
-TEST(LocalMap, ALandmarkThatItsUpdatePutsBehindTheCameraIsCulled) {
+/// Observed at a third of its depth: the linearised update moves it behind the camera.
+TEST(LocalMap, ALandmarkMovedBehindTheCameraByItsUpdateIsCulled) {
   const StereoCamera camera = synthetic::camera();
   LocalMap map = mapOf({mapPoint(3, {0.0, 0.0, 6.0}), mapPoint(5, {0.5, 0.0, 6.0})});
-  MapSights sights;
-  sights.point_in_view = {true, true};
+  LandmarkMatches landmark_matches;
+  landmark_matches.point_in_view = {true, true};
   const Vector3d seen[] = {{0.0, 0.0, 2.0}, {0.5, 0.0, 6.1}};
   for (const int i : {0, 1}) {
-    PointSight sight;
-    sight.left_px = camera.projectLeft(seen[i]);
-    sight.right_px = camera.projectRight(seen[i]);
-    sight.sigma_px = kNoisePx;
-    sights.points.push_back({i, sight});
+    PointObservation observation;
+    observation.left_px = camera.projectLeft(seen[i]);
+    observation.right_px = camera.projectRight(seen[i]);
+    observation.sigma_px = kNoisePx;
+    landmark_matches.points.push_back({i, observation});
   }
   MotionEstimate motion;
   motion.point_inliers = {true, true};
   const StereoImages images;
-  const RightImageCorrection correction;
+  const StereoCorrection correction;
   const Parameters parameters;
   const NoiseScale noise;
-  map.add({}, {images, camera, correction, parameters, noise}, sights, motion, {});
+  map.add({}, {images, camera, correction, parameters, noise}, landmark_matches, motion, {});
   ASSERT_EQ(map.numPoints(), 1U);
   const MapPoint& kept = std::get<1>(map.state())[0];
   EXPECT_EQ(kept.id, 5U);
-  EXPECT_LT((kept.place.value - seen[1]).norm(), 0.05);
+  EXPECT_LT((kept.estimate.value - seen[1]).norm(), 0.05);
 }
 
-/// A frame of noise with a stereo point at each place: point i is i + 1 metres away and has a
+/// A frame of noise with a stereo point at each pixel: point i is i + 1 metres away and has a
 /// response of i.
 StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave = 0) {
   const StereoCamera camera = synthetic::camera();
@@ -382,7 +390,7 @@ StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave
   frame.left_image = ImagePyramid(image, PointParameters());
   for (const Eigen::Vector2f& pixel : pixels) {
     const auto index = static_cast<int>(frame.points.size());
-    PointFeature feature;
+    Keypoint feature;
     feature.pixel = pixel;
     feature.response = static_cast<float>(index);
     feature.octave = octave;
@@ -399,24 +407,24 @@ StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave
   return frame;
 }
 
-/// The points of the map that a first frame makes, by their indices in it.
+/// The points of the map created by a first frame, by their indices in it.
 /// \param share_of_new in the frame before it.
 std::vector<int> indicesOfNewPoints(const StereoFrame& frame, const LandmarkCandidates& candidates,
                                     double share_of_new = 1.0) {
-  LocalMap map(WindowParameters{}, LocalMapParameters{});
+  LocalMap map;
   std::get<5>(map.state()) = share_of_new;
   const StereoImages images;
   const StereoCamera camera = synthetic::camera();
-  const RightImageCorrection correction;
+  const StereoCorrection correction;
   const Parameters parameters;
   map.add(frame, {images, camera, correction, parameters, {}}, {}, {}, candidates);
   std::vector<int> indices;
   for (const MapPoint& point : std::get<1>(map.state()))
-    indices.push_back(static_cast<int>(std::lround(point.place.value.z())) - 1);
+    indices.push_back(static_cast<int>(std::lround(point.estimate.value.z())) - 1);
   return indices;
 }
 
-TEST(LocalMap, UnmatchedPointsFillWhatInliersLeaveFree) {
+TEST(LocalMap, UnmatchedPointsFillBucketsWithRoom) {
   std::vector<Eigen::Vector2f> pixels;  // 20 in one cell, 2 in another
   for (int i = 0; i < 20; ++i) pixels.emplace_back(102 + 10 * (i % 5), 105 + 10 * (i / 5));
   pixels.emplace_back(310.0F, 210.0F);
@@ -424,14 +432,14 @@ TEST(LocalMap, UnmatchedPointsFillWhatInliersLeaveFree) {
   const StereoFrame frame = frameOfPoints(pixels);
   const LandmarkCandidates few{{0, 1, 2, 3, 4}, {}, {5, 6, 7, 8, 9, 10, 11, 20, 21}};
   ASSERT_EQ(WindowParameters().points_per_cell, 8);
-  // Inliers first, though they are the weakest, and the strongest first of either.
+  // Inliers first, though they are the weakest; of either kind the strongest first.
   EXPECT_EQ(indicesOfNewPoints(frame, few), (std::vector<int>{4, 3, 2, 1, 0, 21, 20, 11, 10, 9}));
   const LandmarkCandidates many{{0, 1, 2, 3, 4, 5, 6, 7, 8}, {}, {9, 10, 20}};
   EXPECT_EQ(indicesOfNewPoints(frame, many), (std::vector<int>{8, 7, 6, 5, 4, 3, 2, 1, 20}));
   EXPECT_TRUE(indicesOfNewPoints(frame, {}).empty());
 }
 
-TEST(LocalMap, UnmatchedPointsCountAsFarAsTheViewIsNew) {
+TEST(LocalMap, TheShareOfNewLandmarksLimitsUnmatchedPoints) {
   std::vector<Eigen::Vector2f> pixels;
   for (int i = 0; i < 15; ++i) pixels.emplace_back(102 + 10 * (i % 5), 105 + 10 * (i / 5));
   const StereoFrame frame = frameOfPoints(pixels);
@@ -443,7 +451,7 @@ TEST(LocalMap, UnmatchedPointsCountAsFarAsTheViewIsNew) {
   EXPECT_EQ(indicesOfNewPoints(frame, both, 0.0), (std::vector<int>{12, 11, 10}));
 }
 
-TEST(LocalMap, PatchesAreOfTheOctaveOfTheirPoint) {
+TEST(LocalMap, PatchesAreFromTheOctaveOfTheirPoint) {
   for (const int octave : {0, 1, 2}) {
     const StereoFrame empty = frameOfPoints({});
     const Eigen::Vector2f pixel = empty.left_image.fromLevel({60.0F, 50.0F}, octave);
@@ -461,7 +469,7 @@ TEST(LocalMap, PatchesAreOfTheOctaveOfTheirPoint) {
   }
 }
 
-// --- The step in odom
+// --- limitedStep()
 
 Matrix6d sigmas(double sigma_m, double sigma_rad) {
   Vector6d variances;
@@ -469,13 +477,13 @@ Matrix6d sigmas(double sigma_m, double sigma_rad) {
   return variances.asDiagonal();
 }
 
-TEST(LimitedStep, FollowsASmallCorrectionAtOnce) {
+TEST(LimitedStep, AppliesASmallCorrectionAtOnce) {
   const Isometry3d measured = synthetic::transform({0.0, 0.1, 0.0}, {0.0, 0.0, 1.0});
   const Isometry3d wanted = measured * synthetic::transform({0.0, 0.0, 0.001}, {0.01, 0.0, 0.0});
   EXPECT_TRUE(limitedStep(measured, wanted, sigmas(0.01, 0.001), 3.0).isApprox(wanted, 1e-9));
 }
 
-TEST(LimitedStep, SpreadsALargeCorrection) {
+TEST(LimitedStep, LimitsALargeCorrection) {
   const Isometry3d measured = synthetic::transform({0.0, 0.1, 0.0}, {0.0, 0.0, 1.0});
   const Isometry3d wanted = measured * synthetic::transform(Vector3d::Zero(), {0.5, 0.0, 0.0});
   const Isometry3d step = limitedStep(measured, wanted, sigmas(0.01, 0.001), 3.0);
@@ -489,8 +497,8 @@ using synthetic::kFrames;
 using synthetic::kPeriodNs;
 using synthetic::stamped;
 
-TEST(MapOdometry, LandmarksAreFoundAgainAndBounded) {
-  Parameters parameters;
+TEST(MapOdometry, LandmarksAreTrackedAndBounded) {
+  Parameters parameters = synthetic::roomParameters();
   parameters.window.size = 2;
   parameters.local_map.size = 1;
   StereoOdometry odometry(synthetic::roomCamera(), parameters);
@@ -504,7 +512,7 @@ TEST(MapOdometry, LandmarksAreFoundAgainAndBounded) {
 }
 
 TEST(MapOdometry, WindowZeroHasNoLandmarks) {
-  Parameters parameters;
+  Parameters parameters = synthetic::roomParameters();
   parameters.window.size = 0;
   StereoOdometry odometry(synthetic::roomCamera(), parameters);
   for (int k = 0; k < kFrames; ++k) {
@@ -514,7 +522,7 @@ TEST(MapOdometry, WindowZeroHasNoLandmarks) {
 }
 
 TEST(MapOdometry, OneThreadAndTwoGiveTheSameBits) {
-  Parameters parameters;
+  Parameters parameters = synthetic::roomParameters();
   parameters.tracking.threads = 1;
   StereoOdometry one(synthetic::roomCamera(), parameters);
   parameters.tracking.threads = 2;
@@ -527,9 +535,9 @@ TEST(MapOdometry, OneThreadAndTwoGiveTheSameBits) {
   }
 }
 
-/// The same place again and again, with noise of the sensor: the pose must not creep.
-TEST(MapOdometry, StandstillDoesNotCreep) {
-  StereoOdometry odometry(synthetic::roomCamera(), {});
+/// The same image with independent sensor noise: the pose must not drift.
+TEST(MapOdometry, NoDriftAtStandstill) {
+  StereoOdometry odometry(synthetic::roomCamera(), synthetic::roomParameters());
   synthetic::Random random(1);
   const StereoImages still = frame(0);
   FrameResult result;
@@ -547,15 +555,16 @@ TEST(MapOdometry, StandstillDoesNotCreep) {
     ASSERT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
   }
   EXPECT_LT(result.T_odom_camera.translation().norm(), 0.001);
-  EXPECT_LT(synthetic::logarithm(result.T_odom_camera.linear()).norm() * 180.0 / M_PI, 0.01);
+  EXPECT_LT(logSO3(result.T_odom_camera.linear()).norm() * 180.0 / M_PI, 0.01);
   EXPECT_LE(result.counts.keyframes, 3);
 }
 
-/// The right camera looks 0.1 deg lower than its calibration says: that is measured and corrected.
-TEST(MapOdometry, APitchedRightCameraIsMeasured) {
+/// The right camera is pitched down by 0.1 deg against its calibration: that is estimated and
+/// corrected.
+TEST(MapOdometry, APitchOfTheRightCameraIsEstimated) {
   const StereoCamera camera = synthetic::roomCamera();
   const double shift_px = camera.fy * 0.1 * M_PI / 180.0;
-  StereoOdometry odometry(camera, {});
+  StereoOdometry odometry(camera, synthetic::roomParameters());
   FrameResult result;
   for (int k = 0; k < kFrames; ++k) {
     StereoImages images = frame(k);
@@ -566,15 +575,15 @@ TEST(MapOdometry, APitchedRightCameraIsMeasured) {
     EXPECT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
   }
   EXPECT_NEAR(odometry.correction().v(0), shift_px, 0.15 * shift_px);
-  const Isometry3d truth = synthetic::truePose(kFrames - 1);
-  EXPECT_LT((result.T_odom_camera.translation() - truth.translation()).norm(), 0.03);
+  const Isometry3d ground_truth = synthetic::truePose(kFrames - 1);
+  EXPECT_LT((result.T_odom_camera.translation() - ground_truth.translation()).norm(), 0.03);
 }
 
-/// After a gap the camera is found in the map, if it sees that; else there is a new one, without
-/// the landmarks of before.
-TEST(MapOdometry, AGapStartsANewMapUnlessTheOldOneIsSeen) {
+/// After a gap the camera is relocalized in the map if it observes it; otherwise a new map is
+/// started.
+TEST(MapOdometry, AGapStartsANewMapUnlessTheCameraIsRelocalized) {
   for (const bool sees_it : {true, false}) {
-    StereoOdometry odometry(synthetic::roomCamera(), {});
+    StereoOdometry odometry(synthetic::roomCamera(), synthetic::roomParameters());
     for (int k = 0; k < 4; ++k) odometry.process(frame(k));
     const auto later = [&](int k) {
       StereoImages images = stamped(frame(k), k * kPeriodNs + 1100000000);

@@ -1,4 +1,3 @@
-#include "point_line_odometry/matching.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -7,6 +6,16 @@
 #include <fstream>
 #include <functional>
 
+#include "features/features.h"
+#include "matching/appearance_matcher.h"
+#include "matching/expected_features.h"
+#include "matching/frame_matcher.h"
+#include "matching/index_pair.h"
+#include "matching/line_matcher.h"
+#include "matching/point_matcher.h"
+#include "matching/stereo_frame.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -22,8 +31,8 @@ void expectOnly(const std::vector<IndexPair>& pairs, int first, int second) {
   EXPECT_EQ(pairs[0].second, second);
 }
 
-/// Points and lines in space with descriptors, seen in two stereo frames. In the second frame their
-/// order is reversed.
+/// Points and lines in space with descriptors, observed in two stereo frames. In the second frame
+/// their order is reversed.
 class TwoFrames {
  public:
   TwoFrames(int points, int lines, const Isometry3d& T_curr_prev, unsigned seed) {
@@ -32,7 +41,7 @@ class TwoFrames {
     Vector3d p;
     Vector2d seen;
     for (int i = 0; i < points; ++i) {
-      do {  // what leaves the image is not looked for
+      do {  // features that leave the image are not searched for
         p = synthetic::visiblePoint(camera, &random);
         seen = camera.projectLeft(T_curr_prev * p);
       } while (!image.contains(seen));
@@ -68,7 +77,7 @@ class TwoFrames {
     for (std::size_t k = 0; k < points_.size(); ++k) {
       const std::size_t i = reversed ? points_.size() - 1 - k : k;
       const Vector3d p = T * points_[i];
-      PointFeature feature;
+      Keypoint feature;
       feature.descriptor = point_descriptors_[i];
       feature.pixel = camera.projectLeft(p).cast<float>();
       frame.features.points_left.push_back(feature);
@@ -112,8 +121,8 @@ struct Seen {
   int bits;
 };
 
-std::vector<IndexPair> stereoPairsOf(const std::vector<PointFeature>& left,
-                                     const std::vector<PointFeature>& right,
+std::vector<IndexPair> stereoPairsOf(const std::vector<Keypoint>& left,
+                                     const std::vector<Keypoint>& right,
                                      const MatchingParameters& parameters = {}) {
   ThreadPool threads(2);
   return matchPointsStereo(left, right, parameters, &threads);
@@ -124,7 +133,7 @@ std::vector<IndexPair> stereoPairs(const std::vector<Seen>& left, const std::vec
   synthetic::Random random(1);
   const Descriptor common = synthetic::randomDescriptor(&random);
   const auto features = [&](const std::vector<Seen>& all) {
-    std::vector<PointFeature> features(all.size());
+    std::vector<Keypoint> features(all.size());
     for (std::size_t i = 0; i < all.size(); ++i) {
       features[i].pixel = all[i].pixel.cast<float>();
       features[i].descriptor = synthetic::flipped(common, all[i].bits);
@@ -143,10 +152,10 @@ TEST(MatchPointsStereo, UniqueDescriptorsMatchCompletely) {
 TEST(MatchPointsStereo, DistractorsChangeNothing) {
   synthetic::Random random(3);
   const TwoFrames scene(80, 0, Isometry3d::Identity(), 2);
-  std::vector<PointFeature> left = scene.prev.features.points_left;
-  std::vector<PointFeature> right = scene.curr.features.points_right;
+  std::vector<Keypoint> left = scene.prev.features.points_left;
+  std::vector<Keypoint> right = scene.curr.features.points_right;
   for (int i = 0; i < 400; ++i) {
-    PointFeature other;
+    Keypoint other;
     other.pixel = {static_cast<float>(random.uniform(0.0, 640.0)),
                    static_cast<float>(random.uniform(0.0, 480.0))};
     other.descriptor = synthetic::randomDescriptor(&random);
@@ -157,7 +166,7 @@ TEST(MatchPointsStereo, DistractorsChangeNothing) {
   EXPECT_EQ(pairs.size(), 80U);
 }
 
-TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
+TEST(MatchPointsStereo, IsLimitedToTheEpipolarWindow) {
   MatchingParameters parameters;
   parameters.max_disparity_px = 50.0;
   parameters.max_row_difference_px = 1.5;
@@ -165,7 +174,7 @@ TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
     return !stereoPairs({{{200.0, 100.0}, 0}}, {{{200.0 - disparity, 100.0 + row}, 0}}, parameters)
                 .empty();
   };
-  EXPECT_TRUE(matched(-0.9, 0.0));  // at infinity, by whole pixels
+  EXPECT_TRUE(matched(-0.9, 0.0));  // at infinity, rounded to whole pixels
   EXPECT_FALSE(matched(-1.1, 0.0));
   EXPECT_TRUE(matched(49.9, 0.0));
   EXPECT_FALSE(matched(50.1, 0.0));
@@ -176,7 +185,7 @@ TEST(MatchPointsStereo, KeepsToTheEpipolarWindow) {
   EXPECT_FALSE(matched(20.0, -1.6));
 }
 
-TEST(MatchPointsStereo, APointAtInfinityIsNotPairedWithAnotherThatLooksLikeIt) {
+TEST(MatchPointsStereo, APointAtInfinityIsNotMatchedWithASimilarOne) {
   const std::vector<Seen> left{{{200.0, 100.0}, 0}};
   const std::vector<Seen> alike{{{120.0, 100.0}, 0}};
   const std::vector<Seen> both{{{200.0, 100.0}, 0}, {{120.0, 100.0}, 0}};
@@ -200,11 +209,11 @@ TEST(MatchPointsStereo, IdenticalRivalsAreAmbiguous) {
       stereoPairs({{{200.0, 100.0}, 0}}, {{{180.0, 100.0}, 0}, {{150.0, 100.0}, 0}}).empty());
 }
 
-TEST(MatchPointsStereo, OfTwoThatWantTheSameTheBetterGetsIt) {
+TEST(MatchPointsStereo, OfTwoWithTheSameNearestTheNearerIsMatched) {
   expectOnly(stereoPairs({{{200.0, 100.0}, 20}, {{230.0, 100.0}, 0}}, {{{180.0, 100.0}, 1}}), 1, 0);
 }
 
-TEST(MatchStereo, NothingComesFromNothing) {
+TEST(MatchStereo, NoFeaturesGiveNoMatches) {
   EXPECT_TRUE(stereoPairs({{{200.0, 100.0}, 0}}, {}).empty());
   EXPECT_TRUE(matchLinesStereo({LineFeature{}}, {}, {}).empty());
 }
@@ -217,18 +226,18 @@ TEST(MatchPointsCircular, UniqueDescriptorsMatchCompletely) {
   expectReversed(scene.points({Isometry3d::Identity(), 120.0}), 150);
 }
 
-TEST(MatchPointsCircular, LooksOnlyNearThePrediction) {
+TEST(MatchPointsCircular, SearchesOnlyNearThePrediction) {
   const Isometry3d turn = synthetic::transform({0.0, -0.06, 0.0}, Vector3d::Zero());
   const TwoFrames scene(60, 0, turn, 5);
   EXPECT_TRUE(scene.points({Isometry3d::Identity(), 25.0}).empty());  // the motion is some 40 px
   expectReversed(scene.points({turn, 1.0}), 60);
 }
 
-TEST(MatchPointsCircular, PredictionTellsTwinsApart) {
+TEST(MatchPointsCircular, PredictionResolvesIdenticalDescriptors) {
   TwoFrames scene(2, 0, synthetic::motion(), 6);
   for (StereoFrame* frame : {&scene.prev, &scene.curr}) {
     for (auto* points : {&frame->features.points_left, &frame->features.points_right}) {
-      // The same to each other, and a bit different in the next frame.
+      // Identical to each other, with one bit flipped in the next frame.
       (*points)[0].descriptor = (*points)[1].descriptor = {1, 2, 3, frame == &scene.prev ? 4U : 5U};
     }
   }
@@ -238,7 +247,7 @@ TEST(MatchPointsCircular, PredictionTellsTwinsApart) {
 
 TEST(MatchPointsCircular, RejectsACircleThatDoesNotClose) {
   TwoFrames scene(60, 0, synthetic::motion(), 7);
-  // Frame k's stereo pairs 10 and 20 are mixed up: right is one thing and left another.
+  // Frame k's stereo pairs 10 and 20 are swapped: right and left are of different points.
   std::swap(scene.curr.points[10].left, scene.curr.points[20].left);
   const std::vector<IndexPair> pairs = scene.points({synthetic::motion(), 700.0});
   EXPECT_EQ(pairs.size(), 58U);
@@ -253,7 +262,7 @@ TEST(MatchPointsCircular, BehindTheCameraIsLeftOut) {
   EXPECT_EQ(scene.points({Isometry3d::Identity(), 5.0}).size(), 29U);
 }
 
-TEST(MatchCircular, NothingComesFromNothing) {
+TEST(MatchCircular, NoFeaturesGiveNoMatches) {
   const TwoFrames scene(20, 10, synthetic::motion(), 9);
   const StereoFrame empty;
   const MotionPrediction prediction{synthetic::motion(), 25.0};
@@ -268,7 +277,7 @@ TEST(MatchCircular, NothingComesFromNothing) {
   EXPECT_EQ(count(scene.prev, scene.curr), 30U);
 }
 
-/// Runs something with little memory to take; false if it wants more.
+/// Runs a task with limited memory; false if it needs more.
 bool isFrugal(const std::function<void()>& work) {
   rlimit old{};
   getrlimit(RLIMIT_AS, &old);
@@ -287,8 +296,8 @@ bool isFrugal(const std::function<void()>& work) {
   return frugal;
 }
 
-TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
-  // A point just in front of the camera's plane is expected a million pixels away.
+TEST(MatchCircular, PredictionOutsideTheImageNeedsNoHugeMemory) {
+  // A point just in front of the camera's plane is predicted a million pixels away.
   TwoFrames scene(30, 30, Isometry3d::Identity(), 10);
   const Vector3d aside(60.0, 20.0, 0.11 * scene.camera.baseline_m);
   scene.prev.points[3].triangulated.p_camera = aside;
@@ -303,8 +312,8 @@ TEST(MatchCircular, PredictionBesideTheImageNeedsNoHugeMemory) {
 
 // --- Points by their appearance alone
 
-TEST(MatchPointsByAppearance, FindsThemWhereverTheyHaveGone) {
-  // Half a turn about the optical axis and a step forward: the image is upside down.
+TEST(MatchPointsByAppearance, FindsThemAnywhereInTheImage) {
+  // Rotation by 180 degrees about the optical axis and a step forward: the image is upside down.
   const Isometry3d turn = synthetic::transform({0.0, 0.0, M_PI}, {0.3, -0.2, -0.8});
   const TwoFrames scene(200, 0, turn, 17);
   expectReversed(
@@ -313,7 +322,7 @@ TEST(MatchPointsByAppearance, FindsThemWhereverTheyHaveGone) {
 
 TEST(MatchPointsByAppearance, PairsAreOfStereoPoints) {
   TwoFrames scene(3, 0, synthetic::motion(), 18);
-  // The features that belong to a stereo point are not at its own index.
+  // The features of a stereo point have other indices than the point.
   std::swap(scene.curr.points[0], scene.curr.points[1]);
   scene.prev.points.erase(scene.prev.points.begin());
   const std::vector<IndexPair> pairs =
@@ -323,26 +332,26 @@ TEST(MatchPointsByAppearance, PairsAreOfStereoPoints) {
   EXPECT_TRUE(pairs[1].first == 1 && pairs[1].second == 1);
 }
 
-/// Stereo points that look like a common one but for some bits in either image.
-struct Look {
+/// Stereo points whose descriptors differ from a common one in some bits in either image.
+struct Appearance {
   int left_bits;
   int right_bits;
 };
 
-std::vector<IndexPair> pairsByAppearance(const std::vector<Look>& known,
-                                         const std::vector<Look>& seen,
+std::vector<IndexPair> pairsByAppearance(const std::vector<Appearance>& known,
+                                         const std::vector<Appearance>& seen,
                                          const MatchingParameters& parameters = {}) {
   synthetic::Random random(1);
   const Descriptor left = synthetic::randomDescriptor(&random);
   const Descriptor right = synthetic::randomDescriptor(&random);
-  const auto frameOf = [&](const std::vector<Look>& looks) {
+  const auto frameOf = [&](const std::vector<Appearance>& appearances) {
     StereoFrame frame;
-    for (const Look& look : looks) {
+    for (const Appearance& appearance : appearances) {
       const auto index = static_cast<int>(frame.points.size());
-      PointFeature feature;
-      feature.descriptor = synthetic::flipped(left, look.left_bits);
+      Keypoint feature;
+      feature.descriptor = synthetic::flipped(left, appearance.left_bits);
       frame.features.points_left.push_back(feature);
-      feature.descriptor = synthetic::flipped(right, look.right_bits);
+      feature.descriptor = synthetic::flipped(right, appearance.right_bits);
       frame.features.points_right.push_back(feature);
       StereoPoint point;
       point.left = point.right = index;
@@ -364,7 +373,7 @@ TEST(MatchPointsByAppearance, DistancesOfBothImagesAreAdded) {
   expectOnly(pairsByAppearance({{0, 0}}, {{10, 40}, {10, 5}}, parameters), 0, 1);
 }
 
-TEST(MatchPointsByAppearance, LeavesOutWhatIsAmbiguous) {
+TEST(MatchPointsByAppearance, LeavesOutAmbiguousOnes) {
   EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{5, 5}, {5, 5}}).empty());
   EXPECT_TRUE(pairsByAppearance({{0, 0}}, {{0, 0}, {0, 0}}).empty());
   MatchingParameters parameters;
@@ -373,12 +382,12 @@ TEST(MatchPointsByAppearance, LeavesOutWhatIsAmbiguous) {
   expectOnly(pairsByAppearance({{0, 0}}, {{20, 20}, {25, 26}}, parameters), 0, 0);
 }
 
-TEST(MatchPointsByAppearance, OfTwoThatWantTheSameTheBetterGetsIt) {
+TEST(MatchPointsByAppearance, OfTwoWithTheSameNearestTheNearerIsMatched) {
   expectOnly(pairsByAppearance({{20, 0}, {0, 0}}, {{1, 0}}), 1, 0);
   expectOnly(pairsByAppearance({{0, 0}, {20, 0}}, {{1, 0}}), 0, 0);
 }
 
-TEST(MatchPointsByAppearance, NothingComesFromNothing) {
+TEST(MatchPointsByAppearance, NoFeaturesGiveNoMatches) {
   EXPECT_TRUE(pairsByAppearance({}, {}).empty());
   EXPECT_TRUE(pairsByAppearance({{0, 0}}, {}).empty());
   EXPECT_TRUE(pairsByAppearance({}, {{0, 0}}).empty());
@@ -409,7 +418,7 @@ TEST(MatchLinesStereo, AppearanceAndGeometryConstrain) {
   MatchingParameters parameters;
   parameters.max_disparity_px = 100.0;
   EXPECT_TRUE(pairs(line({280.0, 100.0}, {290.0, 200.0}), parameters));
-  EXPECT_FALSE(pairs(line({290.0, 200.0}, {280.0, 100.0}), parameters)) << "the other way round";
+  EXPECT_FALSE(pairs(line({290.0, 200.0}, {280.0, 100.0}), parameters)) << "opposite direction";
   EXPECT_FALSE(pairs(line({280.0, 100.0}, {320.0, 200.0}), parameters)) << "another direction";
   EXPECT_TRUE(pairs(line({280.0, 100.0}, {285.2, 152.0}), parameters));
   EXPECT_FALSE(pairs(line({280.0, 100.0}, {284.8, 148.0}), parameters)) << "another length";
@@ -443,7 +452,7 @@ TEST(MatchLinesStereo, PiecesOfOneEdgeAreNoRivals) {
   expectOnly(matchLinesStereo({kUpright}, pieces, {}), 0, 0);
 }
 
-TEST(MatchLinesStereo, LevelLinesNeedTheSameRow) {
+TEST(MatchLinesStereo, HorizontalLinesNeedTheSameRow) {
   const LineFeature level = line({300.0, 100.0}, {400.0, 100.5});
   const auto matched = [&](double row) {
     return matchLinesStereo({level}, {line({280.0, row}, {380.0, row + 0.5})}, {}).size() == 1;
@@ -461,7 +470,7 @@ TEST(MatchLinesCircular, UniqueDescriptorsMatchCompletely) {
   expectReversed(scene.lines({Isometry3d::Identity(), 120.0}), 50);
 }
 
-TEST(MatchLinesCircular, LooksOnlyNearThePrediction) {
+TEST(MatchLinesCircular, SearchesOnlyNearThePrediction) {
   const Isometry3d turn = synthetic::transform({0.0, -0.06, 0.0}, Vector3d::Zero());
   const TwoFrames scene(0, 40, turn, 13);
   EXPECT_TRUE(scene.lines({Isometry3d::Identity(), 25.0}).empty());
@@ -476,7 +485,7 @@ TEST(MatchLinesCircular, RejectsACircleThatDoesNotClose) {
   for (const IndexPair& pair : found) EXPECT_TRUE(pair.second != 10 && pair.second != 20);
 }
 
-TEST(MatchLinesCircular, NeedsAPlaceInSpace) {
+TEST(MatchLinesCircular, NeedsATriangulatedLine) {
   TwoFrames scene(0, 20, synthetic::motion(), 15);
   scene.prev.lines[5].triangulated.reset();
   scene.prev.lines[6].triangulated->start_camera.z() = -2.0;

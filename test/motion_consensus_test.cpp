@@ -16,12 +16,12 @@ using Eigen::Vector3d;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// 40 degrees about a slant axis and 5 m: nothing stays where it was in the image.
+/// 40 degrees about an oblique axis and 5 m: all pixels change.
 Isometry3d farMotion() {
   return synthetic::transform(40.0 * M_PI / 180.0 * Vector3d(0.36, 0.8, 0.48), {-3.0, 0.0, 4.0});
 }
 
-/// A match that belongs to a motion: its point is in view in both frames, pixels are whole numbers.
+/// A match of a motion: its point is in view in both frames, pixels are whole numbers.
 PointCorrespondence rightMatch(const StereoCamera& camera, const Isometry3d& T_curr_prev,
                                synthetic::Random* random) {
   const Vector3d p_curr = synthetic::visiblePoint(camera, random);
@@ -32,7 +32,7 @@ PointCorrespondence rightMatch(const StereoCamera& camera, const Isometry3d& T_c
   return match;
 }
 
-/// Pixels of the current frame that have nothing to do with the place.
+/// Random pixels of the current frame, independent of the point.
 PointCorrespondence wrongMatch(const StereoCamera& camera, const Isometry3d& T_curr_prev,
                                synthetic::Random* random) {
   PointCorrespondence match = rightMatch(camera, T_curr_prev, random);
@@ -42,7 +42,7 @@ PointCorrespondence wrongMatch(const StereoCamera& camera, const Isometry3d& T_c
   return match;
 }
 
-/// Every first of a group is right: `right` of `all`, evenly mixed.
+/// The first match of every group is correct: `right` of `all`, evenly distributed.
 std::vector<PointCorrespondence> mixedMatches(const Isometry3d& T_curr_prev, int right, int all,
                                               unsigned seed) {
   synthetic::Random random(seed);
@@ -56,17 +56,17 @@ std::vector<PointCorrespondence> mixedMatches(const Isometry3d& T_curr_prev, int
   return matches;
 }
 
-bool isRight(const PointCorrespondence& match, const Isometry3d& truth) {
-  const Vector3d p = truth * match.p_prev;
+bool isRight(const PointCorrespondence& match, const Isometry3d& ground_truth) {
+  const Vector3d p = ground_truth * match.p_prev;
   return p.z() > 0.0 && (synthetic::camera().projectLeft(p) - match.left_px).norm() < 1.0;
 }
 
-/// Largest distance in the image between where right matches are and where a motion expects them.
-double worstError(const std::vector<PointCorrespondence>& matches, const Isometry3d& truth,
+/// Largest reprojection error of the correct matches at a motion.
+double worstError(const std::vector<PointCorrespondence>& matches, const Isometry3d& ground_truth,
                   const Isometry3d& found) {
   double worst = 0.0;
   for (const PointCorrespondence& match : matches) {
-    if (!isRight(match, truth)) continue;
+    if (!isRight(match, ground_truth)) continue;
     const Vector2d expected = synthetic::camera().projectLeft(found * match.p_prev);
     worst = std::max(worst, (expected - match.left_px).norm());
   }
@@ -76,25 +76,25 @@ double worstError(const std::vector<PointCorrespondence>& matches, const Isometr
 struct Case {
   int right;
   int all;
-  Isometry3d truth;
+  Isometry3d ground_truth;
 };
 
 class ConsensusTest : public ::testing::TestWithParam<Case> {};
 
 TEST_P(ConsensusTest, IsFoundAmongWrongMatches) {
-  const auto& [right, all, truth] = GetParam();
+  const auto& [right, all, ground_truth] = GetParam();
   for (const unsigned seed : {1U, 2U, 3U, 4U, 5U}) {
-    const auto matches = mixedMatches(truth, right, all, seed);
+    const auto matches = mixedMatches(ground_truth, right, all, seed);
     const auto consensus = findConsensus(matches, synthetic::camera());
     ASSERT_TRUE(consensus) << seed;
-    // Three matches of whole pixels: what is found is for the search near it.
-    EXPECT_LT(worstError(matches, truth, consensus->T_curr_prev), 12.0) << seed;
+    // The consensus is of three matches of whole pixels: it initializes the search near it.
+    EXPECT_LT(worstError(matches, ground_truth, consensus->T_curr_prev), 12.0) << seed;
     ASSERT_EQ(consensus->inliers.size(), matches.size());
     int num_inliers = 0;
     int wrong_inliers = 0;
     for (std::size_t i = 0; i < matches.size(); ++i) {
       num_inliers += consensus->inliers[i] ? 1 : 0;
-      wrong_inliers += consensus->inliers[i] && !isRight(matches[i], truth) ? 1 : 0;
+      wrong_inliers += consensus->inliers[i] && !isRight(matches[i], ground_truth) ? 1 : 0;
     }
     EXPECT_EQ(consensus->num_inliers, num_inliers);
     EXPECT_GE(num_inliers, 0.8 * right) << seed;
@@ -108,7 +108,7 @@ INSTANTIATE_TEST_SUITE_P(Shares, ConsensusTest,
                                            Case{80, 200, synthetic::motion()},
                                            Case{40, 200, Isometry3d::Identity()}));
 
-TEST(FindConsensus, IsAsGoodAsPixelsAre) {
+TEST(FindConsensus, IsAsAccurateAsPixelsAllow) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     auto matches = mixedMatches(farMotion(), 60, 200, seed);
     for (PointCorrespondence& match : matches) {
@@ -124,8 +124,8 @@ TEST(FindConsensus, IsAsGoodAsPixelsAre) {
   }
 }
 
-TEST(FindConsensus, RightImageHasItsSay) {
-  // In the left image all agree; in the right one half of them are elsewhere.
+TEST(FindConsensus, UsesTheRightImage) {
+  // In the left image all are inliers; in the right one half of them are outliers.
   auto matches = mixedMatches(farMotion(), 100, 100, 1);
   for (std::size_t i = 0; i < matches.size(); i += 2) matches[i].right_px.x() -= 10.0;
   const auto consensus = findConsensus(matches, synthetic::camera());
@@ -157,13 +157,13 @@ TEST(FindConsensus, WrongMatchesAloneGiveNone) {
   }
 }
 
-// --- Nasty matches
+// --- Degenerate matches
 
 void expectSane(const std::optional<MotionConsensus>& consensus) {
   EXPECT_TRUE(!consensus || consensus->T_curr_prev.matrix().allFinite());
 }
 
-TEST(FindConsensus, DegenerateMatchesDoNoHarm) {
+TEST(FindConsensus, ToleratesDegenerateMatches) {
   const StereoCamera camera = synthetic::camera();
   const auto seen = [&](const Vector3d& p) {
     PointCorrespondence match;
@@ -199,7 +199,7 @@ TEST(FindConsensus, PointsBehindTheCameraAreNoInliers) {
   EXPECT_LT((consensus->T_curr_prev.translation() - farMotion().translation()).norm(), 0.3);
 }
 
-TEST(FindConsensus, MatchesThatAreNoNumbersAreNoInliers) {
+TEST(FindConsensus, NaNMatchesAreNoInliers) {
   auto matches = mixedMatches(farMotion(), 100, 100, 3);
   for (std::size_t i = 0; i < 40; i += 5) {
     matches[i].p_prev.x() = kNaN;

@@ -1,15 +1,19 @@
-#include "point_line_odometry/motion.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 
+#include "common/thread_pool.h"
+#include "motion/correspondence.h"
 #include "motion/motion_cost.h"
+#include "motion/motion_estimator.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/residual_histogram.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -24,27 +28,113 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // --- What the solver sees
 
+using Cost = MotionCost<ResidualImages::kBoth>;
+
 TEST(MotionCost, BehindTheCameraIsRefused) {
-  using Cost = MotionCost<ResidualImages::kBoth>;
   const StereoCamera camera = synthetic::camera();
   const Correspondences all = synthetic::matches(camera, synthetic::motion(), {1, 1}, 5);
-  const double rotation[] = {0.0, 0.0, 0.0};
-  const Vector3d in_front = synthetic::motion().translation();
-  const double* near[] = {rotation, in_front.data()};
-  const double behind[] = {0.0, 0.0, -30.0};
-  const double* far[] = {rotation, behind};
-  std::array<double, 7> residuals{};
+  const MotionVector near{Vector3d::Zero(), synthetic::motion().translation()};
+  const MotionVector far{Vector3d::Zero(), {0.0, 0.0, -30.0}};
   const Correspondences point_alone{all.points, {}};
   const Correspondences line_alone{{}, all.lines};
   for (const Correspondences& some : {point_alone, line_alone}) {
     Cost::Points points(some.points, camera);
     Cost::Lines lines(some.lines, camera);
-    points.linearizeWeights(synthetic::motion(), true);
-    lines.linearizeWeights(synthetic::motion(), true);
+    points.linearizeInformation(synthetic::motion(), true);
+    lines.linearizeInformation(synthetic::motion(), true);
     const Cost cost(points, lines, 1.5);
-    EXPECT_TRUE(cost.Evaluate(near, residuals.data(), nullptr));
-    EXPECT_FALSE(cost.Evaluate(far, residuals.data(), nullptr));
+    EXPECT_TRUE(cost(near));
+    EXPECT_FALSE(cost(far));
   }
+}
+
+class MotionCostOfMany : public ::testing::Test {
+ protected:
+  MotionCostOfMany() {
+    points_.linearizeInformation(synthetic::motion(), true);
+    lines_.linearizeInformation(synthetic::motion(), true);
+  }
+
+  const StereoCamera camera_ = synthetic::camera();
+  const Correspondences matches_ = synthetic::matches(camera_, synthetic::motion(), {30, 10}, 5);
+  Cost::Points points_{matches_.points, camera_};
+  Cost::Lines lines_{matches_.lines, camera_};
+  const MotionVector start_ = MotionVector::from(synthetic::motion());
+  const MotionVector moved_{start_.rotation + Vector3d(0.01, -0.02, 0.01),
+                            start_.translation + Vector3d(0.1, 0.05, -0.2)};
+};
+
+TEST_F(MotionCostOfMany, SumsAreThoseOfTheResiduals) {
+  MotionEquations expected;
+  const Matrix6d to_parameters = moved_.perturbationByParameters();
+  int residuals = 0;
+  const Cost cost(points_, lines_, 1.5);
+  for (int part = 0; part < Cost::kParts; ++part) {
+    EXPECT_TRUE(cost.forEachResidual(moved_.toIsometry(), part, [&](const auto& r, const auto& J) {
+      const auto J_parameters = (J * to_parameters).eval();
+      ++residuals;
+      expected.squares += r.squaredNorm();
+      expected.gradient += J_parameters.transpose() * r;
+      expected.information += J_parameters.transpose() * J_parameters;
+    }));
+  }
+  EXPECT_EQ(residuals, 40);
+  const std::optional<MotionEquations> equations = cost(moved_);
+  ASSERT_TRUE(equations);
+  EXPECT_NEAR(equations->squares / expected.squares, 1.0, 1e-12);
+  EXPECT_TRUE(equations->gradient.isApprox(expected.gradient, 1e-9));
+  EXPECT_TRUE(equations->information.isApprox(expected.information, 1e-12));
+}
+
+TEST_F(MotionCostOfMany, ThreadsChangeNothing) {
+  const MotionEquations alone = *Cost(points_, lines_, 1.5)(moved_);
+  for (const int num_threads : {1, 2, 3}) {
+    ThreadPool threads(num_threads);
+    const MotionEquations shared = *Cost(points_, lines_, 1.5, &threads)(moved_);
+    EXPECT_EQ(shared.squares, alone.squares);
+    EXPECT_EQ(shared.gradient, alone.gradient);
+    EXPECT_EQ(shared.information, alone.information);
+  }
+}
+
+TEST_F(MotionCostOfMany, SevenResidualsHaveItsCostGradientAndNormalEquations) {
+  const Cost cost(points_, lines_, 1.5);
+  const ReducedMotionCost reduced(cost, start_);
+  const double* parameters[] = {moved_.rotation.data(), moved_.translation.data()};
+  using Jacobian = Eigen::Matrix<double, 7, 3, Eigen::RowMajor>;
+  Eigen::Matrix<double, 7, 1> r;
+  Jacobian J_rotation;
+  Jacobian J_translation;
+  double* jacobians[] = {J_rotation.data(), J_translation.data()};
+  ASSERT_TRUE(reduced.Evaluate(parameters, r.data(), jacobians));
+  Eigen::Matrix<double, 7, 6> J;
+  J << J_rotation, J_translation;
+
+  const MotionEquations equations = *cost(moved_);
+  Vector6d from_start;
+  from_start << moved_.rotation - start_.rotation, moved_.translation - start_.translation;
+  EXPECT_NEAR(r.squaredNorm() / (equations.squares + from_start.squaredNorm()), 1.0, 1e-12);
+  EXPECT_TRUE((J.transpose() * r).isApprox(equations.gradient + from_start, 1e-9));
+  EXPECT_TRUE((J.transpose() * J).isApprox(equations.information + Matrix6d::Identity(), 1e-12));
+
+  // Without Jacobians, and with one of them, as the solver asks where a block is fixed; by a new
+  // cost function, too, that has not evaluated anything yet.
+  const ReducedMotionCost unused(cost, start_);
+  for (const ReducedMotionCost* function : {&reduced, &unused}) {
+    Eigen::Matrix<double, 7, 1> cost_alone;
+    ASSERT_TRUE(function->Evaluate(parameters, cost_alone.data(), nullptr));
+    EXPECT_EQ(cost_alone, r);
+    Jacobian J_one;
+    double* only_translation[] = {nullptr, J_one.data()};
+    ASSERT_TRUE(function->Evaluate(parameters, cost_alone.data(), only_translation));
+    EXPECT_EQ(J_one, J_translation);
+  }
+  // At another motion the last one does not count.
+  const double* at_start[] = {start_.rotation.data(), start_.translation.data()};
+  Eigen::Matrix<double, 7, 1> r_start;
+  ASSERT_TRUE(reduced.Evaluate(at_start, r_start.data(), nullptr));
+  EXPECT_NEAR(r_start.squaredNorm() / cost(start_)->squares, 1.0, 1e-9);
+  EXPECT_GT(r.squaredNorm(), 2.0 * r_start.squaredNorm());
 }
 
 TEST(MotionVector, IsTheInverseOfIsometry) {
@@ -57,13 +147,14 @@ TEST(MotionVector, IsTheInverseOfIsometry) {
 // --- The estimator: exact data
 
 double rotationError(const Isometry3d& a, const Isometry3d& b) {
-  return synthetic::logarithm(a.linear() * b.linear().transpose()).norm();
+  return logSO3(a.linear() * b.linear().transpose()).norm();
 }
 
-void expectMotion(const MotionEstimate& estimate, const Isometry3d& truth, double tolerance) {
+void expectMotion(const MotionEstimate& estimate, const Isometry3d& ground_truth,
+                  double tolerance) {
   ASSERT_TRUE(estimate.ok()) << toString(estimate.status);
-  EXPECT_LT((estimate.T_curr_prev.translation() - truth.translation()).norm(), tolerance);
-  EXPECT_LT(rotationError(estimate.T_curr_prev, truth), tolerance);
+  EXPECT_LT((estimate.T_curr_prev.translation() - ground_truth.translation()).norm(), tolerance);
+  EXPECT_LT(rotationError(estimate.T_curr_prev, ground_truth), tolerance);
 }
 
 struct ExactCase {
@@ -99,7 +190,7 @@ INSTANTIATE_TEST_SUITE_P(
                       ExactCase{0, 40, "left", true}, ExactCase{30, 20, "left", true},
                       ExactCase{30, 20, "both", false}, ExactCase{30, 20, "left", false}));
 
-TEST(EstimateMotion, StandingStill) {
+TEST(EstimateMotion, NoMotion) {
   const Correspondences exact =
       synthetic::matches(synthetic::camera(), Isometry3d::Identity(), {}, 3);
   expectMotion(estimateMotion(exact, synthetic::camera(), Isometry3d::Identity(), {}),
@@ -108,14 +199,14 @@ TEST(EstimateMotion, StandingStill) {
                Isometry3d::Identity(), 1e-6);
 }
 
-TEST(EstimateMotion, LargeRotationFromAGoodStart) {
-  const Isometry3d truth = synthetic::transform({0.0, 0.0, 2.9}, {0.2, 0.1, 0.5});
+TEST(EstimateMotion, LargeRotationFromAGoodInitialValue) {
+  const Isometry3d ground_truth = synthetic::transform({0.0, 0.0, 2.9}, {0.2, 0.1, 0.5});
   const Isometry3d start = synthetic::transform({0.0, 0.05, 2.8}, {0.0, 0.0, 0.3});
-  const Correspondences exact = synthetic::matches(synthetic::camera(), truth, {}, 4);
-  expectMotion(estimateMotion(exact, synthetic::camera(), start, {}), truth, 1e-6);
+  const Correspondences exact = synthetic::matches(synthetic::camera(), ground_truth, {}, 4);
+  expectMotion(estimateMotion(exact, synthetic::camera(), start, {}), ground_truth, 1e-6);
 }
 
-TEST(EstimateMotion, ThereAndBackAreConsistent) {
+TEST(EstimateMotion, ForwardAndBackwardAreConsistent) {
   const StereoCamera camera = synthetic::camera();
   const Isometry3d T = synthetic::motion();
   const Correspondences there = synthetic::matches(camera, T, {60, 0}, 5);
@@ -134,7 +225,7 @@ TEST(EstimateMotion, ThereAndBackAreConsistent) {
   EXPECT_TRUE((a.T_curr_prev * b.T_curr_prev).isApprox(Isometry3d::Identity(), 1e-6));
 }
 
-/// Histograms of many estimates together.
+/// Histograms of many estimates, added.
 std::pair<ResidualHistogram, ResidualHistogram> residualsOf(double noise_px, double sigma_px) {
   std::pair<ResidualHistogram, ResidualHistogram> residuals;
   for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
@@ -153,7 +244,7 @@ std::pair<ResidualHistogram, ResidualHistogram> residualsOf(double noise_px, dou
   return residuals;
 }
 
-TEST(EstimateMotion, WeightedResidualsHaveUnitVarianceIfTheNoiseIsAsSaid) {
+TEST(EstimateMotion, WhitenedResidualsHaveUnitVarianceIfTheNoiseIsCorrect) {
   const auto [points, lines] = residualsOf(0.3, 0.3);
   EXPECT_NEAR(points.variance(), 1.0, 0.06);
   EXPECT_NEAR(lines.variance(), 1.0, 0.06);
@@ -166,13 +257,13 @@ TEST(EstimateMotion, WeightedResidualsHaveUnitVarianceIfTheNoiseIsAsSaid) {
   }
 }
 
-TEST(EstimateMotion, WeightedResidualsTellThatTheNoiseIsLessThanSaid) {
+TEST(EstimateMotion, WhitenedResidualsAreSmallerIfTheNoiseIsOverestimated) {
   const auto [points, lines] = residualsOf(0.15, 0.3);
   EXPECT_NEAR(points.variance(), 0.25, 0.03);
   EXPECT_NEAR(lines.variance(), 0.25, 0.03);
 }
 
-TEST(ResidualHistogram, OutermostBinsHoldWhatIsBeyond) {
+TEST(ResidualHistogram, OutermostBinsContainAllBeyond) {
   ResidualHistogram histogram;
   for (const double value : {-100.0, -0.1, 0.0, 0.3, 100.0}) histogram.add(value);
   EXPECT_EQ(histogram.size(), 5);
@@ -183,7 +274,7 @@ TEST(ResidualHistogram, OutermostBinsHoldWhatIsBeyond) {
   EXPECT_EQ(histogram.counts.back(), 1);
 }
 
-// --- The estimator: outliers and nasty cases
+// --- The estimator: outliers and degenerate cases
 
 TEST(EstimateMotion, RemovesOutliers) {
   for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
@@ -214,7 +305,7 @@ TEST(EstimateMotion, RemovesOutliers) {
   }
 }
 
-/// Outliers that all pull to one side: kept, they are bounded by Huber's kernel alone.
+/// Outliers with a common bias: kept, they are bounded by the Huber loss only.
 TEST(EstimateMotion, OutliersMayBeKept) {
   MatchOptions options{100, 0};
   options.noise_px = options.sigma_px = 0.3;
@@ -228,16 +319,16 @@ TEST(EstimateMotion, OutliersMayBeKept) {
   const MotionEstimate kept =
       estimateMotion(mixed, synthetic::camera(), synthetic::motion(), parameters);
   ASSERT_TRUE(removed.ok() && kept.ok());
-  // A fifth of the pixels lie lower: the scene seems to have turned to there, about +x backwards.
+  // A fifth of the pixels are shifted down, which biases the rotation about x.
   const Vector3d pulled =
-      synthetic::logarithm(kept.T_curr_prev.linear() * removed.T_curr_prev.linear().transpose());
+      logSO3(kept.T_curr_prev.linear() * removed.T_curr_prev.linear().transpose());
   EXPECT_GT(std::abs(pulled.x()), 3.0 * std::abs(pulled.y()));
   EXPECT_LT(rotationError(removed.T_curr_prev, synthetic::motion()),
             0.7 * rotationError(kept.T_curr_prev, synthetic::motion()));
-  // They are told from the others nevertheless.
+  // They are reported as outliers nevertheless.
   EXPECT_EQ(std::count(kept.point_inliers.begin(), kept.point_inliers.begin() + 20, true), 0);
   EXPECT_GT(kept.num_point_inliers, 70);
-  // Nothing is solved for a second time: far fewer outliers do not change the answer of the rest.
+  // The problem is not solved again: the threshold has no effect on the estimate.
   parameters.outlier_threshold = 6.0;
   const MotionEstimate laxer =
       estimateMotion(mixed, synthetic::camera(), synthetic::motion(), parameters);
@@ -282,7 +373,7 @@ TEST(EstimateMotion, TooFewInliersWhenNothingAgrees) {
   EXPECT_EQ(estimate.num_point_inliers, 0);
 }
 
-TEST(EstimateMotion, NaNAnywhereIsNeverCalledOk) {
+TEST(EstimateMotion, NaNAnywhereNeverGivesOk) {
   using Spoil = std::function<void(Correspondences*)>;
   const std::vector<Spoil> spoils{
       [](Correspondences* c) { c->points[0].left_px.x() = kNaN; },
@@ -311,7 +402,7 @@ TEST(EstimateMotion, NaNAnywhereIsNeverCalledOk) {
   EXPECT_FALSE(estimateMotion(exact, synthetic::camera(), start, {}).ok());
 }
 
-TEST(EstimateMotion, OneBadMatchDoesNotSpoilTheFrame) {
+TEST(EstimateMotion, OneInvalidMatchDoesNotAffectTheFrame) {
   Correspondences one_bad = synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 3);
   one_bad.points[0].left_px.x() = kNaN;
   expectMotion(estimateMotion(one_bad, synthetic::camera(), Isometry3d::Identity(), {}),
@@ -322,24 +413,25 @@ TEST(EstimateMotion, OneBadMatchDoesNotSpoilTheFrame) {
 
 TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
   const StereoCamera camera = synthetic::camera();
-  const Isometry3d truth = synthetic::motion();
+  const Isometry3d ground_truth = synthetic::motion();
   const Isometry3d T_prev_prev2 = synthetic::transform({-0.1, 0.2, 0.05}, {0.1, 0.2, -0.4});
   MatchOptions options{80, 30};
   options.noise_px = options.sigma_px = 0.3;
-  const Correspondences noisy = synthetic::matches(camera, truth, options, 13);
-  const MotionEstimate direct = estimateMotion(noisy, camera, Isometry3d::Identity(), {});
-  ASSERT_TRUE(direct.ok());
+  const Correspondences noisy = synthetic::matches(camera, ground_truth, options, 13);
+  const MotionEstimate frame_to_frame = estimateMotion(noisy, camera, Isometry3d::Identity(), {});
+  ASSERT_TRUE(frame_to_frame.ok());
   const Vector3d difference(0.0006, -0.0004, 0.0008);  // of the two rotations k-1 -> k
-  Isometry3d T_curr_prev2 = direct.T_curr_prev * T_prev_prev2;
-  T_curr_prev2.linear() = direct.T_curr_prev.linear() *
+  Isometry3d T_curr_prev2 = frame_to_frame.T_curr_prev * T_prev_prev2;
+  T_curr_prev2.linear() = frame_to_frame.T_curr_prev.linear() *
                           synthetic::transform(difference, Vector3d::Zero()).linear() *
                           T_prev_prev2.linear();
-  const MotionEstimate fused = fuseRotation(direct, T_curr_prev2, T_prev_prev2, noisy, camera, {});
+  const MotionEstimate fused =
+      fuseRotation(frame_to_frame, T_curr_prev2, T_prev_prev2, noisy, camera, {});
   ASSERT_TRUE(fused.ok());
   const Vector3d turned =
-      synthetic::logarithm(direct.T_curr_prev.linear().transpose() * fused.T_curr_prev.linear());
+      logSO3(frame_to_frame.T_curr_prev.linear().transpose() * fused.T_curr_prev.linear());
   EXPECT_LT((turned - 0.5 * difference).norm(), 1e-9);
-  // With the rotation held there, moving the translation by hand makes the sum of squares larger.
+  // With the rotation fixed there, any change of the translation increases the sum of squares.
   const auto cost = [&](const Vector3d& shift) {
     Isometry3d T = fused.T_curr_prev;
     T.translation() += shift;
@@ -347,14 +439,15 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
     for (std::size_t i = 0; i < noisy.points.size(); ++i) {
       if (!fused.point_inliers[i]) continue;
       const PointResidual<ResidualImages::kBoth> residual(noisy.points[i], camera, T);
-      Eigen::Matrix3d covariance =
-          residual.byLandmark() * noisy.points[i].covariance * residual.byLandmark().transpose();
+      Eigen::Matrix3d covariance = residual.jacobianByLandmark() * noisy.points[i].covariance *
+                                   residual.jacobianByLandmark().transpose();
       covariance.diagonal().array() += 0.09;
       sum += residual.value.dot(covariance.inverse() * residual.value);
     }
     return sum;
   };
-  EXPECT_GT((fused.T_curr_prev.translation() - direct.T_curr_prev.translation()).norm(), 1e-5);
+  EXPECT_GT((fused.T_curr_prev.translation() - frame_to_frame.T_curr_prev.translation()).norm(),
+            1e-5);
   for (int axis = 0; axis < 3; ++axis) {
     EXPECT_GT(cost(0.03 * Vector3d::Unit(axis)), cost(Vector3d::Zero()));
     EXPECT_GT(cost(-0.03 * Vector3d::Unit(axis)), cost(Vector3d::Zero()));
@@ -364,23 +457,24 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
 TEST(FuseRotation, AgreementChangesNothing) {
   const Correspondences exact =
       synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 14);
-  const MotionEstimate direct =
+  const MotionEstimate frame_to_frame =
       estimateMotion(exact, synthetic::camera(), Isometry3d::Identity(), {});
   const Isometry3d T_prev_prev2 = synthetic::transform({-0.1, 0.2, 0.05}, {0.1, 0.2, -0.4});
-  const MotionEstimate fused = fuseRotation(direct, direct.T_curr_prev * T_prev_prev2, T_prev_prev2,
-                                            exact, synthetic::camera(), {});
+  const MotionEstimate fused =
+      fuseRotation(frame_to_frame, frame_to_frame.T_curr_prev * T_prev_prev2, T_prev_prev2, exact,
+                   synthetic::camera(), {});
   expectMotion(fused, synthetic::motion(), 1e-6);
-  EXPECT_EQ(fused.num_point_inliers, direct.num_point_inliers);
+  EXPECT_EQ(fused.num_point_inliers, frame_to_frame.num_point_inliers);
 }
 
-TEST(FuseRotation, FarOffRotationKeepsTheDirectEstimate) {
+TEST(FuseRotation, AnInconsistentRotationKeepsTheFrameToFrameEstimate) {
   const Correspondences exact =
       synthetic::matches(synthetic::camera(), synthetic::motion(), {}, 15);
-  const MotionEstimate direct =
+  const MotionEstimate frame_to_frame =
       estimateMotion(exact, synthetic::camera(), Isometry3d::Identity(), {});
   const Isometry3d far_off = synthetic::transform({0.0, 1.0, 0.0}, Vector3d::Zero());
   const MotionEstimate fused =
-      fuseRotation(direct, far_off, Isometry3d::Identity(), exact, synthetic::camera(), {});
+      fuseRotation(frame_to_frame, far_off, Isometry3d::Identity(), exact, synthetic::camera(), {});
   expectMotion(fused, synthetic::motion(), 1e-6);
 }
 
@@ -389,11 +483,11 @@ TEST(FuseRotation, TheTranslationComesFromAllMatchesWhereOutliersAreKept) {
   for (int i = 0; i < 20; ++i) mixed.points[i].left_px.y() += 10.0;
   MotionParameters parameters;
   parameters.residual_images = "left";
-  MotionEstimate direct;
-  direct.status = MotionStatus::kOk;
-  direct.T_curr_prev = synthetic::motion();
+  MotionEstimate frame_to_frame;
+  frame_to_frame.status = MotionStatus::kOk;
+  frame_to_frame.T_curr_prev = synthetic::motion();
   const auto fused = [&] {
-    return fuseRotation(direct, synthetic::motion(), Isometry3d::Identity(), mixed,
+    return fuseRotation(frame_to_frame, synthetic::motion(), Isometry3d::Identity(), mixed,
                         synthetic::camera(), parameters);
   };
   expectMotion(fused(), synthetic::motion(), 1e-6);

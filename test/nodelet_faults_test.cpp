@@ -1,4 +1,4 @@
-/// The nodelet, loaded into this process, under faults of its messages: what it publishes and says.
+/// The nodelet, loaded into this process, under faults of its messages: what it publishes and logs.
 /// Faults of the images are tested by faults_test.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
@@ -71,8 +71,8 @@ bool contains(const std::string& text, const std::string& words) {
   return text.find(words) != std::string::npos;
 }
 
-/// Loads the nodelet with `set()` parameters, plays the camera and hears what it says. The base is
-/// the camera, unless a test says otherwise.
+/// Loads the nodelet with `set()` parameters, publishes as the camera and subscribes to the
+/// results. The base is the camera, unless a test sets another one.
 class NodeletFaultsTest : public ::testing::Test {
  protected:
   NodeletFaultsTest() : nh_("stereo"), loader_(false), spinner_(2) {
@@ -137,7 +137,7 @@ class NodeletFaultsTest : public ::testing::Test {
     right_.publish(messages.right);
   }
 
-  /// The right camera is silent; its driver may go on with the info.
+  /// As if the right camera had stopped; its driver may go on with camera_info.
   void publishWithoutRightImage(const Messages& messages) const {
     left_.publish(messages.left);
     left_info_.publish(messages.left_info);
@@ -152,7 +152,8 @@ class NodeletFaultsTest : public ::testing::Test {
     publish(messages);
   }
 
-  /// Shows frames [begin, end), each after the answer to the one before. Returns the last answer.
+  /// Publishes frames [begin, end), each after the answer to the one before. Returns the last
+  /// answer.
   OdometryInfo drive(int begin, int end, const Spoil& spoil = nullptr) {
     for (int k = begin; k < end; ++k) {
       show(k, spoil);
@@ -183,7 +184,7 @@ class NodeletFaultsTest : public ::testing::Test {
     return found == odometries_.end() ? geometry_msgs::Point() : found->second.pose.pose.position;
   }
 
-  /// Places in the room: the pose of odom is that of frame 0.
+  /// Asserts the pose of the last odometry; that of frame 0 is the origin of odom.
   void expectAt(const Eigen::Isometry3d& T_odom_camera, double tolerance_m = 0.02) const {
     const geometry_msgs::Point p = position();
     EXPECT_LT((Eigen::Vector3d(p.x, p.y, p.z) - T_odom_camera.translation()).norm(), tolerance_m);
@@ -296,7 +297,7 @@ std::vector<RefusedCase> badImages() {
   };
 }
 
-/// Infos that cannot be; the left camera's P is {fx 0 cx Tx, 0 fy cy Ty, 0 0 1 0}.
+/// Invalid camera_infos; the left camera's P is {fx 0 cx Tx, 0 fy cy Ty, 0 0 1 0}.
 std::vector<RefusedCase> badInfos() {
   return {
       {"P_all_zero", "left/camera_info: P is all zero",
@@ -320,8 +321,8 @@ std::vector<RefusedCase> badInfos() {
 
 class RefusedTest : public NodeletFaultsTest, public ::testing::WithParamInterface<RefusedCase> {};
 
-/// Nothing is published, the reason is said, the frame is counted; then it goes on from there.
-TEST_P(RefusedTest, IsNamedCountedAndPassedOver) {
+/// Nothing is published, the reason is reported, the frame is counted; the next ones are processed.
+TEST_P(RefusedTest, IsNamedCountedAndSkipped) {
   ASSERT_TRUE(load());
   drive(0, 3);
   const std::size_t answers = numOdometries();
@@ -344,7 +345,7 @@ std::string nameOf(const ::testing::TestParamInfo<RefusedCase>& info) { return i
 INSTANTIATE_TEST_SUITE_P(Images, RefusedTest, ::testing::ValuesIn(badImages()), nameOf);
 INSTANTIATE_TEST_SUITE_P(Infos, RefusedTest, ::testing::ValuesIn(badInfos()), nameOf);
 
-TEST_F(NodeletFaultsTest, DoesNotStartWithACalibrationThatCannotBe) {
+TEST_F(NodeletFaultsTest, DoesNotStartWithAnInvalidCalibration) {
   ASSERT_TRUE(load());
   const Spoil swapped = [](Messages* m) { std::swap(m->left_info, m->right_info); };
   for (int k = 0; k < 3; ++k) show(k, swapped);
@@ -377,20 +378,20 @@ TEST_F(NodeletFaultsTest, ScalesPByRegionAndBinning) {
   expectAt(synthetic::truePose(5));
 }
 
-/// A field that is not used, as the images are rectified, may hold anything.
-TEST_F(NodeletFaultsTest, DoesNotMindNaNWhereNothingIsRead) {
+/// Fields that are not used for rectified images may have any value.
+TEST_F(NodeletFaultsTest, AcceptsNaNInUnusedFields) {
   ASSERT_TRUE(load());
   const OdometryInfo info =
       drive(0, 4, [](Messages* m) { m->left_info.K[0] = m->right_info.R[4] = kNaN; });
   EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
 }
 
-/// Another calibration that is as possible as the right one.
+/// Another valid calibration.
 void changeCalibration(Messages* messages) {
   for (auto* info : {&messages->left_info, &messages->right_info}) info->P[2] += 0.2;
 }
 
-TEST_F(NodeletFaultsTest, TakesAnotherCalibrationThatStaysAndKeepsThePose) {
+TEST_F(NodeletFaultsTest, AcceptsAnotherCalibrationThatStaysAndKeepsThePose) {
   ASSERT_TRUE(load());
   drive(0, 4);
   const std::size_t answers = numOdometries();
@@ -406,7 +407,7 @@ TEST_F(NodeletFaultsTest, TakesAnotherCalibrationThatStaysAndKeepsThePose) {
   expectAt(synthetic::truePose(7), 0.03);
 }
 
-/// One message that differs ends nothing, though it could be true.
+/// A single message that differs changes nothing, even if it is valid.
 struct OddCase {
   const char* name;
   const char* words;
@@ -435,7 +436,7 @@ std::vector<OddCase> oddHeadersAndInfos() {
 
 class OddTest : public NodeletFaultsTest, public ::testing::WithParamInterface<OddCase> {};
 
-TEST_P(OddTest, InOneFrameIsNamedCountedAndPassedOver) {
+TEST_P(OddTest, InOneFrameIsNamedCountedAndSkipped) {
   set("base_frame_id", std::string("robot"));
   ASSERT_TRUE(load());
   geometry_msgs::TransformStamped mounting;
@@ -460,9 +461,9 @@ TEST_P(OddTest, InOneFrameIsNamedCountedAndPassedOver) {
 INSTANTIATE_TEST_SUITE_P(Messages, OddTest, ::testing::ValuesIn(oddHeadersAndInfos()),
                          [](const auto& info) { return std::string(info.param.name); });
 
-// --- What does not come
+// --- Missing messages
 
-TEST_F(NodeletFaultsTest, NamesTheCameraThatFallsSilent) {
+TEST_F(NodeletFaultsTest, NamesTheCameraThatStops) {
   ASSERT_TRUE(load());
   drive(0, 3);
   const std::size_t answers = numOdometries();
@@ -493,7 +494,7 @@ TEST_F(NodeletFaultsTest, NamesTheInfoThatNeverComes) {
   EXPECT_EQ(numOdometries(), 0U);
 }
 
-TEST_F(NodeletFaultsTest, SaysThatAllHaveStopped) {
+TEST_F(NodeletFaultsTest, ReportsThatAllHaveStopped) {
   ASSERT_TRUE(load());
   drive(0, 3);
   EXPECT_TRUE(says("input", kError, "the camera has stopped publishing")) << said("input");
@@ -515,7 +516,7 @@ TEST_F(NodeletFaultsTest, SkipsCountsAndExplainsPairsWhoseStampsDiffer) {
   EXPECT_EQ(numOdometries(), answers);
 }
 
-TEST_F(NodeletFaultsTest, WaitsForTheTransformAndSaysSo) {
+TEST_F(NodeletFaultsTest, WaitsForTheTransformAndReportsIt) {
   set("base_frame_id", std::string("robot"));
   ASSERT_TRUE(load());
   show(0);
@@ -553,7 +554,8 @@ TEST_F(NodeletFaultsTest, DropsFramesThatComeTwiceOrLate) {
   expectAt(synthetic::truePose(5));
 }
 
-/// Stamps of a pair, and of one message of it: a few are counted and named, and nothing else.
+/// Wild stamps of a pair, or of one message of it: they are counted and named, without other
+/// effect.
 struct WildCase {
   const char* name;
   const char* words;  // in /diagnostics
@@ -565,7 +567,7 @@ std::vector<WildCase> wildStamps() {
     return [stamp](const ros::Time&) { return stamp; };
   };
   return {
-      {"zero", "stamp 0.000000000 is no time", always(ros::Time())},
+      {"zero", "stamp 0.000000000 is no valid time", always(ros::Time())},
       {"end", "stamp 4294967295.000000000 is out of", always(ros::Time(4294967295U, 0))},
       {"very_end", "4294967295.999999999", always(ros::Time(4294967295U, 999999999U))},
       {"far_future", "stamp 3000000000.000000000 is far", always(ros::Time(3000000000U, 0))},
@@ -577,7 +579,7 @@ std::vector<WildCase> wildStamps() {
 
 class WildStampTest : public NodeletFaultsTest, public ::testing::WithParamInterface<WildCase> {
  protected:
-  /// Drives on as if nothing had been.
+  /// Expects that the next frames are processed as if nothing had happened.
   void expectUndisturbed(int next, std::uint64_t rejected) {
     const OdometryInfo info = drive(next, next + 2);
     EXPECT_EQ(info.state, OdometryInfo::OK) << info.reason;
@@ -588,9 +590,9 @@ class WildStampTest : public NodeletFaultsTest, public ::testing::WithParamInter
   }
 };
 
-TEST_P(WildStampTest, OfAPairIsCountedNamedAndNothingElse) {
+TEST_P(WildStampTest, OfAPairIsCountedAndNamedOnly) {
   set("watchdog_timeout_s", kTimeout_s);
-  tf2_ros::Buffer of_others;  // dies of such a stamp, as that of any nodelet
+  tf2_ros::Buffer of_others;  // would throw at such a stamp, as that of any nodelet
   const tf2_ros::TransformListener listener(of_others);
   ASSERT_TRUE(load());
   drive(0, 3);
@@ -637,7 +639,7 @@ TEST_F(NodeletFaultsTest, ExplainsThatAllStampsAreZero) {
 
 class TimeJumpTest : public NodeletFaultsTest, public ::testing::WithParamInterface<const char*> {
  protected:
-  /// Shows frames [begin, end) after a jump, which the last of them confirms.
+  /// Publishes frames [begin, end) after a jump, which the last of them confirms.
   OdometryInfo confirmJump(int begin, int end) {
     const std::size_t answers = numOdometries();
     for (int k = begin; k < end; ++k) {
@@ -673,7 +675,7 @@ TEST_P(TimeJumpTest, FollowsThePolicy) {
   expectAt(policy == "reset" ? moved : synthetic::truePose(6), 0.03);
 }
 
-/// As after a gap: the camera is found in the map.
+/// As after a gap: the camera is relocalized in the map.
 TEST_P(TimeJumpTest, ForwardsGoesOnInTheMap) {
   set("on_time_jump", std::string(GetParam()));
   ASSERT_TRUE(load());

@@ -1,4 +1,4 @@
-/// The nodelet from outside: a real master and manager, rendered stereo images of a known motion.
+/// The nodelet from outside: a real master and manager, rendered stereo images with ground truth.
 
 #include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
@@ -295,7 +295,7 @@ TEST_F(NodeletTest, SurvivesMalformedImagesBetweenGoodOnes) {
   EXPECT_EQ(lastInfo().frames_processed, 10U);
 }
 
-TEST_F(NodeletTest, ResetsOnlyWhenAsked) {
+TEST_F(NodeletTest, ResetsOnlyOnRequest) {
   ASSERT_TRUE(load());
   drive(0, 5);
   ASSERT_TRUE(callTrigger("reset"));
@@ -303,7 +303,7 @@ TEST_F(NodeletTest, ResetsOnlyWhenAsked) {
 
   ResetToPose service;
   EXPECT_TRUE(ros::service::call("/stereo/odometry/reset_to_pose", service));
-  EXPECT_FALSE(service.response.success) << "a quaternion of zeros is no orientation";
+  EXPECT_FALSE(service.response.success) << "a quaternion of zeros is not an orientation";
   service.request.pose.position.x = 7.0;
   service.request.pose.orientation.z = 1.0;  // looking back
   ASSERT_TRUE(ros::service::call("/stereo/odometry/reset_to_pose", service));
@@ -322,7 +322,7 @@ TEST_F(NodeletTest, PausesAndGoesOn) {
   expectPosition(drive(4, 6), 5 * kForwardStep_m, -5 * kRightStep_m);
 }
 
-TEST_F(NodeletTest, StartsAgainWhenStampsJumpBack) {
+TEST_F(NodeletTest, IsResetWhenStampsJumpBack) {
   ASSERT_TRUE(load());
   drive(0, 4);
   stamp_ -= ros::Duration(100.0);
@@ -343,13 +343,13 @@ TEST_F(NodeletTest, WaitsForTheTransformToTheCamera) {
   EXPECT_TRUE(waitFor([this] { return hasOdometry(stamp_); }));
 }
 
-TEST_F(NodeletTest, PublishesPicturesToWhoeverSubscribes) {
+TEST_F(NodeletTest, PublishesImagesAndMarkersToSubscribers) {
   ASSERT_TRUE(load());
   drive(0, 2);
   std::atomic<int> pictures{0};
   const boost::function<void(const sensor_msgs::ImageConstPtr&)> count =
-      [&pictures](const sensor_msgs::ImageConstPtr& picture) {
-        if (picture->encoding == "bgr8" && picture->width == kWidth) ++pictures;
+      [&pictures](const sensor_msgs::ImageConstPtr& image) {
+        if (image->encoding == "bgr8" && image->width == kWidth) ++pictures;
       };
   const ros::Subscriber subscriber = nh_.subscribe("features_image", 10, count);
   ASSERT_TRUE(waitFor([&subscriber] { return subscriber.getNumPublishers() > 0; }));
@@ -361,7 +361,7 @@ TEST_F(NodeletTest, PublishesPicturesToWhoeverSubscribes) {
   }));
 }
 
-TEST_F(NodeletTest, TakesRequestsWhileImagesFlow) {
+TEST_F(NodeletTest, AcceptsRequestsWhileImagesArrive) {
   ASSERT_TRUE(load());
   std::atomic<bool> stop{false};
   std::thread camera([this, &stop] {
@@ -386,7 +386,7 @@ TEST_F(NodeletTest, TakesRequestsWhileImagesFlow) {
   EXPECT_EQ(lastInfo().exceptions + lastInfo().frames_rejected, 0U);
 }
 
-TEST_F(NodeletTest, UnloadsWhileImagesFlow) {
+TEST_F(NodeletTest, UnloadsWhileImagesArrive) {
   for (int round = 0; round < 3; ++round) {
     ASSERT_TRUE(load());
     std::atomic<bool> stop{false};
@@ -403,7 +403,7 @@ TEST_F(NodeletTest, UnloadsWhileImagesFlow) {
   EXPECT_TRUE(list.response.nodelets.empty());
 }
 
-TEST_F(NodeletTest, RefusesParametersThatItDoesNotKnow) {
+TEST_F(NodeletTest, RefusesUnknownParameters) {
   ros::param::set("/stereo/odometry/no_such_parameter", 1);
   EXPECT_FALSE(load());
   ros::param::del("/stereo/odometry/no_such_parameter");

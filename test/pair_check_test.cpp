@@ -1,17 +1,23 @@
-/// Rows and disparities of a pair, measured without its calibration: rendered pairs, healthy and
-/// with each fault.
+/// Vertical and horizontal disparities of a pair, measured without its calibration: rendered pairs,
+/// correct and with each fault.
 
-#include "point_line_odometry/pair_check.h"
+#include "matching/pair_check.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
 #include <map>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <vector>
 
 #include "point_line_odometry/rectification.h"
-#include "point_line_odometry/synthetic_world.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
@@ -30,7 +36,7 @@ const StereoImages& scenePair(const std::string& scene) {
                             : images;
 }
 
-/// The image turned about its centre, then moved down.
+/// The image rotated about its centre, then shifted down.
 cv::Mat moved(const cv::Mat& image, double down_px, double turn_deg = 0.0) {
   const cv::Point2f centre(0.5F * static_cast<float>(image.cols),
                            0.5F * static_cast<float>(image.rows));
@@ -41,16 +47,82 @@ cv::Mat moved(const cv::Mat& image, double down_px, double turn_deg = 0.0) {
   return result;
 }
 
+/// The first pair of a folder in KITTI's or EuRoC's layout; empty if there is none.
+StereoImages firstPair(const std::filesystem::path& folder) {
+  const auto first = [&](const char* kitti, const char* euroc) {
+    std::filesystem::path images = folder / kitti;
+    if (!std::filesystem::is_directory(images)) images = folder / "mav0" / euroc / "data";
+    std::vector<std::string> names;
+    std::error_code missing;
+    for (const auto& entry : std::filesystem::directory_iterator(images, missing))
+      names.push_back(entry.path().string());
+    return names.empty()
+               ? cv::Mat()
+               : cv::imread(*std::min_element(names.begin(), names.end()), cv::IMREAD_GRAYSCALE);
+  };
+  return {first("image_0", "cam0"), first("image_1", "cam1"), 0};
+}
+
+/// Cameras without a fault: the doctor warns from 1.42 on.
+TEST(RealPairs, AreOfTheSameBrightness) {
+  const char* data = std::getenv("POINT_LINE_ODOMETRY_DATA");
+  if (data == nullptr || !std::filesystem::is_directory(data)) {
+    GTEST_SKIP() << "no data: set POINT_LINE_ODOMETRY_DATA to the folder of the sequences";
+  }
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(data)) {
+    const StereoImages pair = firstPair(entry.path());
+    if (pair.left.empty() || pair.right.empty()) continue;
+    const PairMeasurement measurement = measurePair(pair.left, pair.right);
+    std::cout << entry.path().filename() << ": " << measurement.brightness_ratio << ", "
+              << measurement.matches << " matches\n";
+    if (!measurement.valid()) continue;
+    ++count;
+    EXPECT_GT(measurement.brightness_ratio, 1.0 / 1.25) << entry.path();
+    EXPECT_LT(measurement.brightness_ratio, 1.25) << entry.path();
+  }
+  EXPECT_GT(count, 2);
+}
+
 class PairCheckTest : public testing::TestWithParam<const char*> {
  protected:
   const StereoImages& pair() const { return scenePair(GetParam()); }
 };
 
-TEST_P(PairCheckTest, HealthyPairHasEqualRowsAndPositiveDisparities) {
+TEST_P(PairCheckTest, MeasuresTheBrightnessOfOneImageToTheOther) {
+  EXPECT_NEAR(measurePair(pair().left, pair().right).brightness_ratio, 1.0, 0.1);
+  cv::Mat darker;
+  pair().right.convertTo(darker, -1, 0.5);
+  EXPECT_NEAR(measurePair(pair().left, darker).brightness_ratio, 0.5, 0.05);
+  EXPECT_NEAR(measurePair(darker, pair().left).brightness_ratio, 2.0, 0.2);
+}
+
+/// A large part of both images shows something that moves up and down with the robot, and not the
+/// scene.
+TEST_P(PairCheckTest, MaskedPartsAreLeftOut) {
+  StereoImages images{pair().left.clone(), pair().right.clone(), 0};
+  const int border = images.left.rows / 2;
+  const cv::Mat lower = images.left.rowRange(border, images.left.rows).clone();
+  moved(lower, 6.0).copyTo(images.right.rowRange(border, images.right.rows));
+  cv::Mat mask(images.left.size(), CV_8UC1, cv::Scalar(255));
+  mask.rowRange(border, mask.rows).setTo(0);
+  const PairMeasurement with = measurePair(images.left, images.right, mask, mask);
+  const PairMeasurement without = measurePair(images.left, images.right);
+  EXPECT_GT(without.vertical_disparity_px, 2.0);
+  EXPECT_LT(with.keypoints_left, without.keypoints_left);
+  ASSERT_TRUE(with.valid());
+  EXPECT_LT(with.vertical_disparity_px, 0.5);
+  const cv::Mat nothing(images.left.size(), CV_8UC1, cv::Scalar(0));
+  const PairMeasurement none = measurePair(images.left, images.right, nothing, nothing);
+  EXPECT_EQ(none.keypoints_left, 0);
+  EXPECT_FALSE(none.valid());
+}
+
+TEST_P(PairCheckTest, ACorrectPairHasNoVerticalAndPositiveHorizontalDisparities) {
   const PairMeasurement m = measurePair(pair().left, pair().right);
   ASSERT_TRUE(m.valid()) << m.matches;
   EXPECT_LT(std::abs(m.row_offset_px), 0.2);
-  EXPECT_LT(m.row_distance_px, 0.4);
+  EXPECT_LT(m.vertical_disparity_px, 0.4);
   EXPECT_GT(m.disparity_px, 2.0);
   EXPECT_LT(m.behind_infinity_share, 0.1);
   EXPECT_FALSE(m.identical);
@@ -64,24 +136,24 @@ TEST_P(PairCheckTest, MeasuresAVerticalShift) {
     const PairMeasurement m = measurePair(pair().left, moved(pair().right, down_px));
     ASSERT_TRUE(m.valid()) << m.matches;
     EXPECT_NEAR(m.row_offset_px, down_px, 0.25);
-    EXPECT_NEAR(m.row_distance_px, std::abs(down_px), 0.3);
+    EXPECT_NEAR(m.vertical_disparity_px, std::abs(down_px), 0.3);
   }
 }
 
-TEST_P(PairCheckTest, SeesATurnThatTheMedianOffsetHides) {
+TEST_P(PairCheckTest, MeasuresARotationThatTheMedianOffsetHides) {
   const double turn_deg = 2.0;
   const PairMeasurement m = measurePair(pair().left, moved(pair().right, 0.0, turn_deg));
   ASSERT_TRUE(m.valid()) << m.matches;
-  EXPECT_GT(m.row_distance_px, 1.5);
+  EXPECT_GT(m.vertical_disparity_px, 1.5);
 }
 
-TEST_P(PairCheckTest, ExchangedCamerasHaveNegativeDisparities) {
+TEST_P(PairCheckTest, SwappedCamerasHaveNegativeDisparities) {
   const PairMeasurement usual = measurePair(pair().left, pair().right);
   const PairMeasurement m = measurePair(pair().right, pair().left);
   ASSERT_TRUE(m.valid()) << m.matches;
   EXPECT_NEAR(m.disparity_px, -usual.disparity_px, 1.0);
   EXPECT_GT(m.behind_infinity_share, 0.8);
-  EXPECT_LT(m.row_distance_px, 0.4);
+  EXPECT_LT(m.vertical_disparity_px, 0.4);
 }
 
 TEST_P(PairCheckTest, OneCameraOnBothTopicsIsIdentical) {
@@ -97,17 +169,17 @@ TEST_P(PairCheckTest, FindsNothingInABlankImage) {
         measurePair(blank, blank.clone())}) {
     EXPECT_FALSE(m.valid());
     EXPECT_FALSE(m.identical) << "a covered lens is another fault";
-    EXPECT_EQ(m.row_distance_px, 0.0);
+    EXPECT_EQ(m.vertical_disparity_px, 0.0);
   }
-  EXPECT_EQ(measurePair(blank, pair().right).corners_left, 0);
+  EXPECT_EQ(measurePair(blank, pair().right).keypoints_left, 0);
   EXPECT_LT(measurePair(blank, pair().right).contrast_left, 1e-3);
-  EXPECT_GT(measurePair(blank, pair().right).corners_right, PairMeasurement::kFewestMatches);
+  EXPECT_GT(measurePair(blank, pair().right).keypoints_right, PairMeasurement::kFewestMatches);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, PairCheckTest, testing::Values("street", "indoor", "corridor"),
                          [](const auto& info) { return std::string(info.param); });
 
-TEST(PairCheckOtherPicturesTest, DoesNotFindAPairWhereThereIsNone) {
+TEST(PairCheckOtherImagesTest, UnrelatedImagesHaveNoMatches) {
   const cv::Mat& street = scenePair("street").left;
   cv::Mat other;
   cv::resize(scenePair("indoor").right, other, street.size());
@@ -119,18 +191,18 @@ TEST(PairCheckOtherPicturesTest, DoesNotFindAPairWhereThereIsNone) {
   EXPECT_FALSE(measurePair(noise[0], noise[1]).valid());
 }
 
-TEST(PairCheckOtherPicturesTest, LeavesOutWhatDoesNotFitIn) {
+TEST(PairCheckOtherImagesTest, RejectsOutliers) {
   const StereoImages& pair = scenePair("street");
   cv::Mat right = pair.right.clone();
-  // A third of the view is found again, but elsewhere.
+  // A third of the view is displaced.
   pair.left(cv::Rect(400, 0, 400, 300)).copyTo(right(cv::Rect(460, 20, 400, 300)));
   const PairMeasurement m = measurePair(pair.left, right);
   ASSERT_TRUE(m.valid()) << m.matches;
   EXPECT_LT(m.behind_infinity_share, 0.1);
-  EXPECT_LT(m.row_distance_px, 0.4);
+  EXPECT_LT(m.vertical_disparity_px, 0.4);
 }
 
-TEST(PairCheckOtherPicturesTest, TakesAnyImage) {
+TEST(PairCheckOtherImagesTest, AcceptsAnyImage) {
   const cv::Mat& right = scenePair("corridor").right;
   const cv::Mat colour(right.size(), CV_8UC3, cv::Scalar(1, 2, 3));
   for (const cv::Mat& left : {cv::Mat(), colour, cv::Mat(1, 1, CV_8UC1, cv::Scalar(0))}) {
@@ -141,7 +213,7 @@ TEST(PairCheckOtherPicturesTest, TakesAnyImage) {
   EXPECT_NO_THROW(measurePair(half, right));
 }
 
-TEST(PairCheckOtherPicturesTest, GivesTheSameForTheSame) {
+TEST(PairCheckOtherImagesTest, IsDeterministic) {
   const StereoImages& pair = scenePair("indoor");
   const PairMeasurement a = measurePair(pair.left, pair.right);
   const PairMeasurement b = measurePair(pair.left, pair.right);

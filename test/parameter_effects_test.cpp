@@ -1,20 +1,29 @@
-/// Every parameter of the core does something: another value of it changes the poses of a scene
-/// that is made for it. Those that cannot are listed with the reason.
+/// Every parameter of the core has an effect: another value of it changes the poses of a scene made
+/// for it. Those that cannot are listed with the reason.
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <map>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <ostream>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "point_line_odometry/lsd_detector.h"
+#include "features/lsd_detector.h"
+#include "geometry/camera_axes.h"
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/gravity.h"
+#include "point_line_odometry/gyroscope.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/types.h"
+#include "point_line_odometry/wheel_odometry.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -24,18 +33,12 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using synthetic::kFrames;
 using synthetic::kPeriodNs;
+using synthetic::passing;
+using synthetic::room;
 using synthetic::stamped;
 using synthetic::transform;
 
 const StereoCamera kCamera = synthetic::roomCamera();
-
-/// The tiled room from a place, rendered once for each name.
-StereoImages room(const std::string& name, const Isometry3d& T_room_camera, int k) {
-  static std::map<std::string, StereoImages> rendered;
-  StereoImages& images = rendered[name];
-  if (images.left.empty()) images = synthetic::renderStereo(kCamera, T_room_camera, 0);
-  return stamped(images, (k + 1) * kPeriodNs);
-}
 
 StereoImages noisy(StereoImages images, double sigma) {
   cv::RNG random(static_cast<std::uint64_t>(images.stamp_ns));
@@ -54,7 +57,7 @@ StereoImages noisy(StereoImages images, double sigma) {
 /// Forwards with a gentle curve, and the noise of a sensor.
 StereoImages drive(int k) { return noisy(synthetic::frame(k), 3.0); }
 
-/// The same, but two frames show nothing.
+/// The same with two black frames.
 StereoImages darkness(int k) {
   return k == 4 || k == 5 ? synthetic::black((k + 1) * kPeriodNs) : drive(k);
 }
@@ -64,7 +67,7 @@ StereoImages gap(int k) {
   return stamped(drive(k), (k + 1) * kPeriodNs + (k >= 4 ? 12 * kPeriodNs : 0));
 }
 
-/// The right way up again after another view, with a gap before that.
+/// Three frames upside down, after a gap, then upright again.
 StereoImages excursion(int k) {
   StereoImages images = drive(k < 7 ? k : k - 4);
   for (cv::Mat* image : {&images.left, &images.right}) {
@@ -73,34 +76,23 @@ StereoImages excursion(int k) {
   return stamped(images, (k + 1) * kPeriodNs + (k >= 4 ? 12 * kPeriodNs : 0));
 }
 
-/// After standing still the camera turns by 25 degrees within a frame, and goes on so.
+/// After standing still the camera rotates by 25 degrees within a frame, and continues so.
 StereoImages turn(int k) {
   const int n = std::max(k - 2, 0);
   return room("turn " + std::to_string(n),
               transform({0.0, n * 25.0 * M_PI / 180.0, 0.0}, n * Vector3d(0.1, 0.0, 0.2)), k);
 }
 
-/// From the fourth frame on, what takes seventy percent of the view moves to the right.
-StereoImages passing(int k) {
-  StereoImages images = synthetic::frame(k);
-  const double moved_m = 0.1 * std::max(0, k - 3);
-  const StereoImages other =
-      room("passing " + std::to_string(k),
-           synthetic::truePose(k) * transform(Vector3d::Zero(), {-moved_m, 0.0, 0.0}), k);
-  const cv::Rect part(0, 0, 7 * kCamera.width / 10, kCamera.height);
-  for (const auto& [to, from] :
-       {std::make_pair(&images.left, &other.left), std::make_pair(&images.right, &other.right)}) {
-    *to = to->clone();
-    (*from)(part).copyTo((*to)(part));
-  }
-  return images;
+/// Standing still, with 0.9 s between frames.
+StereoImages slow(int k) {
+  return noisy(stamped(synthetic::frame(0), (k + 1) * 9 * kPeriodNs), 2.0);
 }
 
 StereoImages standing(int k) {
   return noisy(stamped(synthetic::frame(0), (k + 1) * kPeriodNs), 2.0);
 }
 
-/// So soft and dark that a single pixel shows few corners.
+/// So blurred and dark that the finest level has few keypoints.
 StereoImages soft(int k) {
   StereoImages images = synthetic::frame(k);
   for (cv::Mat* image : {&images.left, &images.right}) {
@@ -126,11 +118,67 @@ struct Outcome {
   }
 };
 
+/// A gyroscope in the camera's axes that turns as in drive(), and trembles.
+Gyroscope turning(const ImuParameters& parameters) {
+  Gyroscope gyroscope(parameters, Eigen::Matrix3d::Identity());
+  for (int i = 0; i < 100 * (kFrames + 2); ++i) {
+    ImuSample sample;
+    sample.stamp_ns = i * kPeriodNs / 10;
+    sample.angular_velocity = Vector3d(0.02, -0.12 + 0.1 * std::sin(0.5 * i), 0.03);
+    // A direction that turns by 2 mrad in a second.
+    const double tilt = 0.002 * toSeconds(sample.stamp_ns);
+    sample.acceleration = 9.81 * Vector3d(std::sin(tilt), -std::cos(tilt), 0.0);
+    gyroscope.add(sample);
+  }
+  return gyroscope;
+}
+
+/// The camera in a body with x ahead and z up.
+Isometry3d cameraInBody() {
+  Isometry3d T = Isometry3d::Identity();
+  T.linear() = cameraAxesInBody();
+  return T;
+}
+
+/// Wheels that know the motion of drive(), a little wrong.
+WheelOdometry rolling(const Parameters& parameters) {
+  WheelOdometry wheels(parameters, cameraInBody());
+  for (int k = 0; k < kFrames; ++k) {
+    OdometrySample sample;
+    sample.stamp_ns = (k + 1) * kPeriodNs;
+    sample.T_odom_body = cameraInBody() * synthetic::truePose(k) * cameraInBody().inverse();
+    sample.T_odom_body.translation() *= 1.02;
+    wheels.add(sample);
+  }
+  return wheels;
+}
+
 Outcome run(Scene scene, const Parameters& parameters) {
   StereoOdometry odometry(kCamera, parameters);
+  Gyroscope gyroscope = turning(parameters.imu);
+  Gravity gravity(parameters.imu, Eigen::Isometry3d::Identity());
+  WheelOdometry wheels = rolling(parameters);
   Outcome outcome;
+  std::int64_t last_ns = 0;
   for (int k = 0; k < kFrames; ++k) {
-    const FrameResult result = odometry.process(scene(k));
+    const StereoImages images = scene(k);
+    std::vector<MotionPrior> priors;
+    if (parameters.imu.enabled && k > 0) {
+      if (const auto prior = gyroscope.between(last_ns, images.stamp_ns)) priors.push_back(*prior);
+    }
+    if (parameters.wheels.enabled && k > 0) {
+      if (const auto prior = wheels.between(last_ns, images.stamp_ns)) priors.push_back(*prior);
+    }
+    if (parameters.planar.enabled && k > 0)
+      priors.push_back(planarPrior(parameters.planar, cameraInBody(), last_ns, images.stamp_ns));
+    const std::optional<MotionPrior> prior = fused(priors);
+    const auto tilt = gravity.takeCorrection();
+    if (parameters.imu.enabled && parameters.imu.use_gravity && tilt) odometry.correctTilt(*tilt);
+    const FrameResult result = odometry.process(images, prior ? &*prior : nullptr);
+    gyroscope.learn(result);
+    gravity.learn(result, gyroscope);
+    wheels.learn(result);
+    last_ns = images.stamp_ns;
     outcome.poses.emplace_back(result.T_odom_camera.matrix());
     outcome.states.push_back(result.state);
   }
@@ -139,7 +187,7 @@ Outcome run(Scene scene, const Parameters& parameters) {
 
 // --- The cases
 
-/// Where a parameter is seen to act: a scene, and the other parameters.
+/// A case in which a parameter has an effect: a scene, and the other parameters.
 struct Case {
   std::string name;
   std::function<void(Parameters*)> change;
@@ -153,26 +201,26 @@ std::ostream& operator<<(std::ostream& stream, const Case& test_case) {
 
 void frameToFrame(Parameters* p) { p->window.size = 0; }
 
-/// Most of the room is taken to be too far for a distance.
+/// Most points of the room are treated as far points.
 void mostFar(Parameters* p) {
   frameToFrame(p);
   p->matching.min_disparity_px = 12.0;
 }
 
-/// Of lines alone, and of these the upright ones, which hardly show a motion along them.
+/// Lines only, and of these the vertical ones, which hardly constrain a motion along them.
 void uprightLines(Parameters* p) {
   frameToFrame(p);
   p->points.enabled = false;
   p->motion.min_line_angle_deg = 60.0;
 }
 
-/// The fusion solves with outliers or without them, too.
+/// The fusion also depends on the outliers.
 void withoutFusion(Parameters* p) {
   frameToFrame(p);
   p->motion.fuse_rotation = "never";
 }
 
-/// The calibration is not learnt from whole pixels, which is not what is looked for.
+/// Whole pixels also disable the online stereo calibration, which is not the effect to be tested.
 void withoutRefinement(Parameters* p) {
   frameToFrame(p);
   p->tracking.refine_calibration = false;
@@ -183,6 +231,23 @@ void manyKeyframes(Parameters* p) {
   p->window.keyframe_overlap = 0.95;
   p->window.size = 2;
 }
+
+void withGyroscope(Parameters* p) { p->imu.enabled = true; }
+
+/// The published pose of a camera at rest is kept, whatever its estimate does.
+void withGravity(Parameters* p) {
+  withGyroscope(p);
+  p->tracking.standstill_hold = false;
+}
+
+/// In which a prediction without a prior ends soon.
+void withGyroscopeInTheDark(Parameters* p) {
+  withGyroscope(p);
+  p->tracking.max_prediction_s = 0.1;
+}
+
+void withWheels(Parameters* p) { p->wheels.enabled = true; }
+void withFloor(Parameters* p) { p->planar.enabled = true; }
 
 const std::vector<Case>& cases() {
   using P = Parameters*;
@@ -247,7 +312,6 @@ const std::vector<Case>& cases() {
        passing, frameToFrame},
       {"motion/predict_weak_axes", [](P p) { p->motion.predict_weak_axes = false; }, drive,
        uprightLines},
-      {"motion/max_iterations", [](P p) { p->motion.max_iterations = 1; }, drive, frameToFrame},
       {"motion/min_matches", [](P p) { p->motion.min_matches = 1000; }, drive, frameToFrame},
       {"motion/min_inliers", [](P p) { p->motion.min_inliers = 1000; }, drive, frameToFrame},
       {"motion/min_inlier_ratio", [](P p) { p->motion.min_inlier_ratio = 1.0; }, drive,
@@ -257,7 +321,6 @@ const std::vector<Case>& cases() {
       {"window/size", [](P p) { p->window.size = 0; }},
       {"window/keyframe_overlap", [](P p) { p->window.keyframe_overlap = 0.95; }},
       {"window/points_per_cell", [](P p) { p->window.points_per_cell = 2; }},
-      {"window/max_iterations", [](P p) { p->window.max_iterations = 1; }, drive, manyKeyframes},
       {"local_map/size", [](P p) { p->local_map.size = 0; }, drive, manyKeyframes},
       {"local_map/search_radius_px", [](P p) { p->local_map.search_radius_px = 1.0; }, darkness},
       {"tracking/max_frame_gap_s", [](P p) { p->tracking.max_frame_gap_s = 2.0; }, gap},
@@ -268,12 +331,37 @@ const std::vector<Case>& cases() {
       {"tracking/standstill_hold", [](P p) { p->tracking.standstill_hold = false; }, standing},
       {"tracking/refine_calibration", [](P p) { p->tracking.refine_calibration = false; }, drive,
        frameToFrame},
+      {"tracking/min_megapixels", [](P p) { p->tracking.min_megapixels = 0.2; }},
+      {"tracking/max_prior_prediction_s", [](P p) { p->tracking.max_prior_prediction_s = 0.0; },
+       darkness, withGyroscopeInTheDark},
+      {"imu/enabled", withGyroscope},
+      {"imu/gyroscope_noise", [](P p) { p->imu.gyroscope_noise = 0.1; }, drive, withGyroscope},
+      {"imu/gyroscope_random_walk", [](P p) { p->imu.gyroscope_random_walk = 0.5; }, drive,
+       withGyroscope},
+      {"imu/range_deg_s", [](P p) { p->imu.range_deg_s = 10.0; }, drive, withGyroscope},
+      {"imu/time_offset_s", [](P p) { p->imu.time_offset_s = 0.03; }, drive, withGyroscope},
+      {"imu/estimate_time_offset", [](P p) { p->imu.estimate_time_offset = false; }, drive,
+       withGyroscope},
+      {"imu/use_gravity", [](P p) { p->imu.use_gravity = false; }, slow, withGravity},
+      {"imu/accelerometer_noise", [](P p) { p->imu.accelerometer_noise = 0.2; }, slow, withGravity},
+      {"imu/accelerometer_random_walk", [](P p) { p->imu.accelerometer_random_walk = 0.5; }, slow,
+       withGravity},
+      {"wheels/enabled", withWheels},
+      {"wheels/slip_x", [](P p) { p->wheels.slip_x = 1.0; }, drive, withWheels},
+      {"wheels/slip_y", [](P p) { p->wheels.slip_y = 1.0; }, drive, withWheels},
+      {"wheels/slip_yaw", [](P p) { p->wheels.slip_yaw = 1.0; }, drive, withWheels},
+      {"wheels/speed_noise", [](P p) { p->wheels.speed_noise = 1.0; }, drive, withWheels},
+      {"wheels/turn_noise", [](P p) { p->wheels.turn_noise = 1.0; }, drive, withWheels},
+      {"planar/enabled", withFloor},
+      {"planar/z_deviation", [](P p) { p->planar.z_deviation = 1.0; }, drive, withFloor},
+      {"planar/roll_deviation", [](P p) { p->planar.roll_deviation = 1.0; }, drive, withFloor},
+      {"planar/pitch_deviation", [](P p) { p->planar.pitch_deviation = 1.0; }, drive, withFloor},
       {"tracking/max_megapixels", [](P p) { p->tracking.max_megapixels = 0.05; }},
   };
   return all;
 }
 
-/// What must not change anything, and why.
+/// Parameters without an effect, and why.
 const std::map<std::string, const char*>& withoutEffect() {
   static const std::map<std::string, const char*> all{
       {"tracking/threads", "results do not depend on it, only their time does"}};
@@ -281,7 +369,7 @@ const std::map<std::string, const char*>& withoutEffect() {
 }
 
 Parameters baseOf(const Case& test_case) {
-  Parameters parameters;
+  Parameters parameters = synthetic::roomParameters();
   test_case.base(&parameters);
   return parameters;
 }
@@ -320,7 +408,7 @@ TEST(ParameterEffects, EveryParameterIsTried) {
   for (const std::string& name : tried) EXPECT_EQ(known.count(name), 1U) << name;
 }
 
-TEST(ParameterEffects, ThoseWithoutAnEffectHaveNone) {
+TEST(ParameterEffects, ExemptedParametersHaveNone) {
   Parameters one_thread;
   one_thread.tracking.threads = 1;
   EXPECT_TRUE(run(drive, {}) == run(drive, one_thread));
@@ -333,12 +421,15 @@ TEST(ParameterEffects, PaperYamlNamesAllThatTheMethodDependsOn) {
   Parameters other = paper;
   other.window.keyframe_overlap = 0.95;
   other.window.points_per_cell = 2;
-  other.window.max_iterations = 1;
   other.local_map.size = 0;
   other.local_map.search_radius_px = 1.0;
   other.tracking.threads = 1;
   other.tracking.relocalization_s = 0.0;
-  EXPECT_EQ(changedParameters(paper, other).size(), 7U);
+  other.tracking.max_prior_prediction_s = 0.0;
+  other.imu = {false, 1e-3, 1e-3, 500.0, 0.01, false};
+  other.wheels = {false, 0.2, 0.2, 0.2, 0.1, 0.1};
+  other.planar = {false, 0.1, 0.1, 0.1};
+  EXPECT_EQ(changedParameters(paper, other).size(), 20U);
   for (const Scene scene : {drive, darkness, excursion})
     EXPECT_TRUE(run(scene, paper) == run(scene, other));
 }

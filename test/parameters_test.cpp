@@ -12,6 +12,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "common/retired_parameters.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "synthetic_scene.h"
 
@@ -103,7 +104,7 @@ TEST_F(ParametersTest, EveryMemberIsInTheTableOnce) {
   const Table table = tableOf({});
   EXPECT_EQ(std::set<std::string>(table.names.begin(), table.names.end()).size(),
             table.names.size());
-  EXPECT_EQ(table.names.size(), 59U)
+  EXPECT_EQ(table.names.size(), 78U)
       << "a parameter came or went: put it here, into the table and into the files";
 }
 
@@ -169,6 +170,7 @@ TEST_F(ParametersTest, EveryParameterIsLoaded) {
                         : old == "edge_chains"          ? "lsd_or_edge_chains"
                         : old == "without_landmarks"    ? "never"
                         : name == "points/scale_factor" ? "1.5"  // 2 is its upper limit
+                        : name == "imu/time_offset_s"   ? "0.01"
                                                         : "";
     if (other.empty()) {
       const double value = std::stod(old);
@@ -199,6 +201,36 @@ TEST_F(ParametersTest, UnknownNamesAreRefusedUnlessIgnored) {
   EXPECT_EQ(refusal("odom_frame_id: odom\n", {"odom_frame_id"}), "");
 }
 
+TEST_F(ParametersTest, RetiredOnesAreIgnoredWithAWarning) {
+  std::vector<std::string> warnings;
+  const Parameters loaded =
+      loadParameters(write("motion: {max_iterations: 7, min_matches: 9}\nwindow: {max_iterations: "
+                           "none}\n"),
+                     {}, &warnings);
+  EXPECT_EQ(loaded.motion.min_matches, 9);
+  ASSERT_EQ(warnings.size(), 2U);
+  for (const char* word : {"motion/max_iterations is ignored", "1.0.0", "always 20"})
+    EXPECT_TRUE(contains(warnings[0], word)) << word << " is not in: " << warnings[0];
+  EXPECT_TRUE(contains(warnings[1], "window/max_iterations is ignored")) << warnings[1];
+  EXPECT_EQ(refusal("motion: {max_iterations: 7}\n"), "") << "without a place for warnings";
+  loadParameters(write("motion: {min_matches: 9}\n"), {}, &warnings);
+  EXPECT_EQ(warnings.size(), 2U) << "of what is no longer there: nothing new";
+}
+
+TEST(RetiredParameters, AreNotInTheTable) {
+  for (const std::string& name : tableOf({}).names) EXPECT_FALSE(isRetired(name, nullptr)) << name;
+  for (const RetiredParameter& each : kRetiredParameters)
+    EXPECT_TRUE(isRetired(each.name, nullptr)) << each.name;
+}
+
+TEST(RetiredParameters, AreWarnedOfOnce) {
+  std::vector<std::string> warnings;
+  EXPECT_TRUE(isRetired("motion/max_iterations", &warnings));
+  EXPECT_TRUE(isRetired("motion/max_iterations", &warnings));
+  EXPECT_FALSE(isRetired("motion/max_iteration", &warnings));
+  EXPECT_EQ(warnings.size(), 1U);
+}
+
 TEST_F(ParametersTest, WrongTypesAreRefused) {
   EXPECT_TRUE(contains(refusal("points: {levels: many}\n"), "points/levels"));
   EXPECT_TRUE(contains(refusal("points: {levels: 2.5}\n"), "points/levels"));
@@ -208,7 +240,7 @@ TEST_F(ParametersTest, WrongTypesAreRefused) {
   EXPECT_NE(refusal("points: 3\n"), "");
 }
 
-TEST_F(ParametersTest, AFileThatIsNoMapIsRefused) {
+TEST_F(ParametersTest, AFileThatIsNotAMapIsRefused) {
   EXPECT_NE(refusal("- 1\n- 2\n"), "");
   EXPECT_NE(refusal("just words\n"), "");
 }
@@ -219,7 +251,7 @@ TEST_F(ParametersTest, ValuesOutOfRangeAndNaNAreRefused) {
   EXPECT_TRUE(contains(refusal("motion: {huber_delta: .inf}\n"), "motion/huber_delta"));
 }
 
-TEST_F(ParametersTest, AllMistakesOfAFileAreNamedInOneLine) {
+TEST_F(ParametersTest, AllErrorsOfAFileAreNamedInOneLine) {
   const std::string text = refusal("points: {levels: 0, size: 3}\nmotion: {huber_delta: soft}\n");
   for (const char* word :
        {"parameters.yaml", "points/levels", "points/size", "motion/huber_delta"}) {
@@ -228,7 +260,7 @@ TEST_F(ParametersTest, AllMistakesOfAFileAreNamedInOneLine) {
   EXPECT_FALSE(contains(text, "\n"));
 }
 
-TEST_F(ParametersTest, NamesThatAreNoTextAndMapsWithinThemselvesAreRefused) {
+TEST_F(ParametersTest, NamesThatAreNotTextAndRecursiveMapsAreRefused) {
   EXPECT_TRUE(contains(refusal("? [a, b]\n: 1\n"), "parameters.yaml"));
   EXPECT_TRUE(contains(refusal("points: &p\n  inner: *p\n"), "nested too deeply"));
 }
@@ -265,8 +297,8 @@ std::vector<std::string> namesIn(const fs::path& file) {
 
 /// Those that are not the core's, but the node's.
 std::vector<std::string> othersIn(const fs::path& file) {
-  const std::set<std::string> sections{"points", "lines",     "matching", "motion",
-                                       "window", "local_map", "tracking"};
+  const std::set<std::string> sections{"points",    "lines",    "matching", "motion", "window",
+                                       "local_map", "tracking", "imu",      "wheels", "planar"};
   std::vector<std::string> others;
   for (const std::string& name : namesIn(file)) {
     if (sections.count(name.substr(0, name.find('/'))) == 0) others.push_back(name);
@@ -287,10 +319,29 @@ TEST(ConfigFiles, DefaultYamlNamesEveryParameterWithItsDefault) {
 }
 
 /// Of these the method does not depend: parameter_effects_test tries that.
-const std::set<std::string> kNotOfThePaper{"window/keyframe_overlap",    "window/points_per_cell",
-                                           "window/max_iterations",      "local_map/size",
-                                           "local_map/search_radius_px", "tracking/threads",
-                                           "tracking/relocalization_s"};
+const std::set<std::string> kNotOfThePaper{"window/keyframe_overlap",
+                                           "window/points_per_cell",
+                                           "local_map/size",
+                                           "local_map/search_radius_px",
+                                           "tracking/relocalization_s",
+                                           "tracking/threads",
+                                           "tracking/max_prior_prediction_s",
+                                           "imu/gyroscope_noise",
+                                           "imu/gyroscope_random_walk",
+                                           "imu/range_deg_s",
+                                           "imu/time_offset_s",
+                                           "imu/estimate_time_offset",
+                                           "imu/use_gravity",
+                                           "imu/accelerometer_noise",
+                                           "imu/accelerometer_random_walk",
+                                           "wheels/slip_x",
+                                           "wheels/slip_y",
+                                           "wheels/slip_yaw",
+                                           "wheels/speed_noise",
+                                           "wheels/turn_noise",
+                                           "planar/z_deviation",
+                                           "planar/roll_deviation",
+                                           "planar/pitch_deviation"};
 
 TEST(ConfigFiles, PaperYamlNamesAllThatTheMethodDependsOn) {
   const std::vector<std::string> names = namesIn(kConfig / "paper.yaml");

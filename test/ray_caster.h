@@ -7,14 +7,14 @@
 
 namespace point_line_odometry::world {
 
-/// What the rays of a camera hit, found for each ray alone.
+/// Reference implementation: intersects each ray of a camera with the scene separately.
 class RayCaster {
  public:
   RayCaster(const Scene& scene, const Eigen::Isometry3d& T_world_camera, const PlaneBounds& image)
       : T_world_camera_(T_world_camera),
         visible_(findVisibleSurfaces(scene, {}, T_world_camera, image)) {}
 
-  /// Place in the world [m] that the ray (x, y, 1) of the camera hits; nothing: the sky.
+  /// Point in the world [m] that the ray (x, y, 1) of the camera hits; nothing: the sky.
   std::optional<Eigen::Vector3d> hit(const cv::Point2f& p) const {
     float nearest_q = 0.0F;
     for (std::size_t i = 0; i < visible_.surfaces.size(); ++i) {

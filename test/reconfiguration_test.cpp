@@ -1,4 +1,4 @@
-/// What dynamic_reconfigure's clients are told is what the table of parameters says.
+/// The messages to dynamic_reconfigure's clients agree with the table of parameters.
 
 #include "ros/reconfiguration.h"
 
@@ -6,6 +6,8 @@
 
 #include <map>
 #include <set>
+
+#include "common/retired_parameters.h"
 
 namespace point_line_odometry {
 namespace {
@@ -58,12 +60,13 @@ TEST(Reconfiguration, DescribesTheTable) {
     for (const auto& parameter : group.parameters) {
       names.push_back(parameter.name);
       types[parameter.name] = parameter.type;
-      EXPECT_EQ(parameter.name.rfind(group.name + "/", 0), 0U);
+      EXPECT_EQ(parameter.name.rfind(group.name + "/", 0) == 0, group.name != "retired");
       EXPECT_FALSE(parameter.description.empty());
     }
   }
   std::vector<std::string> expected;
   for (const auto& parameter : parameterTexts(defaults)) expected.push_back(parameter.first);
+  for (const RetiredParameter& each : kRetiredParameters) expected.emplace_back(each.name);
   EXPECT_EQ(names, expected);
   EXPECT_EQ(types["points/enabled"], "bool");
   EXPECT_EQ(types["points/levels"], "int");
@@ -86,18 +89,20 @@ TEST(Reconfiguration, GroupsOfValuesAreThoseOfTheDescription) {
   EXPECT_EQ(ids.size(), values.groups.size());
 }
 
-TEST(Reconfiguration, MessagesCarryEveryValue) {
+TEST(Reconfiguration, MessagesContainEveryValue) {
   ReconfigurableParameters sent = ReconfigurableParameters::__getMax__();
   sent.values.motion.residual_images = "left";
   Config message;
   sent.__toMessage__(message);
   ReconfigurableParameters received;
+  testing::internal::CaptureStderr();
   received.__fromMessage__(message);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "nothing to warn of";
   EXPECT_TRUE(changedParameters(sent.values, received.values).empty());
   EXPECT_FALSE(changedParameters({}, received.values).empty());
 }
 
-TEST(Reconfiguration, WhatAMessageDoesNotNameStays) {
+TEST(Reconfiguration, ValuesThatAMessageLacksAreKept) {
   Config message;
   message.ints.resize(1);
   message.ints[0].name = "lines/max_count";
@@ -109,6 +114,27 @@ TEST(Reconfiguration, WhatAMessageDoesNotNameStays) {
   ASSERT_EQ(changed.size(), 1U);
   EXPECT_EQ(changed[0].first, "lines/max_count");
   EXPECT_EQ(changed[0].second, "17");
+}
+
+/// Clients refuse to send what is not described, and look its range up.
+TEST(Reconfiguration, RetiredParametersAreTakenAndKeepTheirValue) {
+  const auto description = ReconfigurableParameters::__getDescriptionMessage__();
+  for (const RetiredParameter& retired : kRetiredParameters) {
+    for (const Config* message : {&description.min, &description.max, &description.dflt})
+      EXPECT_EQ(Comparison::find<int>(message->ints, retired.name), retired.value);
+    Config wanted;
+    wanted.ints.resize(1);
+    wanted.ints[0].name = retired.name;
+    wanted.ints[0].value = retired.value + 1;
+    ReconfigurableParameters parameters;
+    testing::internal::CaptureStderr();
+    parameters.__fromMessage__(wanted);
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(retired.name), std::string::npos);
+    EXPECT_TRUE(changedParameters({}, parameters.values).empty());
+    Config shown;
+    parameters.__toMessage__(shown);
+    EXPECT_EQ(Comparison::find<int>(shown.ints, retired.name), retired.value);
+  }
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The nodelet's flight recorder and parameters, while the synthetic camera shows frames.
+"""The nodelet's flight recorder and parameters, while the synthetic camera publishes frames.
 
 What is recorded must be replayed by offline_odometry to the same bits, from the middle of a drive,
 after other parameters and after a loss.
@@ -15,9 +15,11 @@ import threading
 import time
 import unittest
 
+import numpy as np
 import rosbag
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from nodelet.srv import NodeletLoad, NodeletUnload
 from nav_msgs.msg import Odometry
@@ -70,9 +72,9 @@ class RecorderTest(unittest.TestCase):
         begin = len(self.infos)
         self.wait(lambda: any(info.state == state for info in self.infos[begin:]), f"state {state}")
 
-    def start(self, **recorder):
+    def start(self, others=None, **recorder):
         settings = {"frames": RING, "folder": self.folder, "lost_period_s": 3600.0}
-        rospy.set_param(NODE, {"rectify": True, "recorder": dict(settings, **recorder)})
+        rospy.set_param(NODE, dict(others or {}, rectify=True, recorder=dict(settings, **recorder)))
         self.load(NODE, "StereoOdometry")
         self.load(CAMERA, "SyntheticStereo")
 
@@ -94,7 +96,7 @@ class RecorderTest(unittest.TestCase):
 
     def client(self):
         client = Client(NODE, timeout=TIMEOUT_S)
-        self.addCleanup(client.close)  # the next one in this process would miss what is latched
+        self.addCleanup(client.close)  # the next one in this process would miss latched messages
         return client
 
     def dump(self):
@@ -192,7 +194,7 @@ class RecorderTest(unittest.TestCase):
         client.update_configuration({"tracking/max_speed_m_s": 0.01})
         self.wait_state(OdometryInfo.LOST)
         self.wait_frames(3)
-        self.assertTrue(self.dump().success)  # after what the loss had asked for
+        self.assertTrue(self.dump().success)  # after the recording of the loss
         self.assertEqual(self.recordings("lost"), [recording])
 
     def test_each_loss_writes_if_the_period_is_over(self):
@@ -229,6 +231,64 @@ class RecorderTest(unittest.TestCase):
         self.wait_frames(2)
         self.assertEqual(self.infos[-1].exceptions, 0)
 
+    # --- Masks
+
+    def diagnostic(self, key):
+        values = [value.value for array in self.diagnostics for status in array.status
+                  for value in status.values if value.key == key]
+        return values[-1] if values else None
+
+    def start_with_masks(self, camera=None, **node):
+        self.diagnostics = []
+        subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, self.take, self.diagnostics)
+        self.addCleanup(subscriber.unregister)
+        rospy.set_param(CAMERA, dict(rospy.get_param(CAMERA), **(camera or {})))
+        self.start(node)
+
+    def test_masks_of_file_and_topics_are_used_and_replayed(self):
+        mask = np.full((480, 752), 255, np.uint8)
+        mask[:, :100] = 0
+        file = os.path.join(self.folder, "left.pgm")
+        write_pgm(file, mask)
+        self.start_with_masks({"bonnet": 1.0}, left={"mask": file}, mask_images="both",
+                              mask_wait_s=10.0)
+        self.wait_frames(RING)
+        answer = self.dump()
+        self.check_same(self.replay(answer.files[1]), answer.frames)
+        with rosbag.Bag(answer.files[0]) as bag:
+            counts = {topic: info.message_count
+                      for topic, info in bag.get_type_and_topic_info().topics.items()}
+            _, message, _ = next(bag.read_messages("/stereo/left/mask_image"))
+        self.assertEqual(counts["/stereo/left/mask_image"], answer.frames)
+        self.assertEqual(counts["/stereo/right/mask_image"], answer.frames)
+        used = np.frombuffer(message.data, np.uint8).reshape(480, 752)
+        self.assertTrue((used[:, :100] == 0).all())
+        self.assertTrue((used[470, 200:500] == 0).all(), "the bonnet is not masked")
+        self.assertTrue((used[:200, 100:] != 0).all())
+        self.wait(lambda: self.diagnostic("masks missing") is not None, "diagnostics")
+        # One or two frames may come before the masks' topics are connected.
+        self.assertLessEqual(int(self.diagnostic("masks missing")), 4)
+
+    def test_masks_that_do_not_come_do_not_block(self):
+        self.start_with_masks(mask_images="both", mask_wait_s=0.05)
+        self.wait_frames(10)
+        self.assertTrue(all(info.state == OdometryInfo.OK for info in self.infos[1:]))
+        self.assertEqual(self.infos[-1].frames_dropped, 0)
+        self.wait(lambda: int(self.diagnostic("masks missing") or 0) >= 20, "the count")
+        answer = self.dump()
+        self.check_same(self.replay(answer.files[1]), answer.frames)
+
+    def test_a_mask_of_the_wrong_size_is_named(self):
+        logs = []
+        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
+        self.addCleanup(subscriber.unregister)
+        file = os.path.join(self.folder, "small.pgm")
+        write_pgm(file, np.zeros((10, 20), np.uint8))
+        self.start_with_masks({"lockstep_topic": ""}, right={"mask": file})
+        wanted = f"right mask '{file}' is 20 x 10, but the camera's images are 752 x 480"
+        self.wait(lambda: any(wanted in log.msg for log in logs), "the error")
+        self.assertFalse(self.odometry)
+
     # --- Parameters at the start
 
     def test_names_everything_that_is_wrong_at_the_start(self):
@@ -255,6 +315,21 @@ class RecorderTest(unittest.TestCase):
         rospy.delete_param(NODE)
         rospy.set_param(NODE, libraries)
         self.load(NODE, "StereoOdometry")
+
+    def test_starts_with_retired_parameters_and_warns(self):
+        logs = []
+        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
+        self.addCleanup(subscriber.unregister)
+        self.start({"motion": {"max_iterations": 50, "min_matches": 9}})
+        self.wait_frames(2)
+        client = self.client()
+        self.assertEqual(client.get_configuration(timeout=TIMEOUT_S)["motion/min_matches"], 9)
+        answer = client.update_configuration({"window/max_iterations": 9, "motion/min_matches": 10})
+        self.assertEqual((answer["window/max_iterations"], answer["motion/min_matches"]), (5, 10))
+        for name in ("motion/max_iterations", "window/max_iterations"):
+            self.wait(lambda: any(log.level == Log.WARN and f"parameter {name} is ignored" in log.msg
+                                  for log in logs), f"warning of {name}")
+        self.assertEqual(self.infos[-1].exceptions, 0)
 
     # --- dynamic_reconfigure
 
@@ -303,6 +378,11 @@ class RecorderTest(unittest.TestCase):
         self.assertEqual((size["min"], size["max"], size["default"]), (0, 30, 5))
         self.assertIn("both", descriptions["motion/residual_images"]["edit_method"])
         self.assertGreater(len(descriptions), 40)
+
+
+def write_pgm(path, image):
+    with open(path, "wb") as file:
+        file.write(b"P5 %d %d 255\n" % (image.shape[1], image.shape[0]) + image.tobytes())
 
 
 def rosbag_stamps(path):

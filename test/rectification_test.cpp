@@ -26,7 +26,7 @@ CameraCalibration makeCamera() {
   return camera;
 }
 
-/// A pair that is rectified as it is, with a baseline of 0.2 m.
+/// A pair that is already rectified, with a baseline of 0.2 m.
 StereoCalibration makeRectifiedPair() {
   StereoCalibration calibration{makeCamera(), makeCamera()};
   for (CameraCalibration* camera : {&calibration.left, &calibration.right}) {
@@ -36,7 +36,7 @@ StereoCalibration makeRectifiedPair() {
   return calibration;
 }
 
-/// Pose of a right camera that is turned by a few degrees and shifted mainly along x.
+/// Pose of a right camera that is rotated by a few degrees and shifted mainly along x.
 Eigen::Isometry3d makeTurnedPose() {
   Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
   T_left_right.linear() = (Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()) *
@@ -101,10 +101,10 @@ TEST(RectifiedCamera, DisparityOfAPointByHand) {
   EXPECT_TRUE(camera.projectRight(p_camera).isApprox(Eigen::Vector2d(350.0, 265.0)));
 }
 
-TEST(RectifiedCamera, RefusesUnusableProjections) {
+TEST(RectifiedCamera, RefusesInvalidProjections) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   expectRefused([](auto& c) { c.left.P.setZero(); }, "left camera: P is all zero");
-  expectRefused([nan](auto& c) { c.right.P(1, 2) = nan; }, "right camera: P holds values");
+  expectRefused([nan](auto& c) { c.right.P(1, 2) = nan; }, "right camera: P has values");
   expectRefused([](auto& c) { c.left.P(0, 0) = -500.0; }, "focal lengths -500");
   expectRefused([](auto& c) { c.right.P(0, 2) += 3.0; }, "P of the left and right camera differ");
   expectRefused([](auto& c) { c.right.P(0, 3) = 100.0; }, "swap left and right");
@@ -132,13 +132,13 @@ TEST(StereoCameraTest, ValidateNamesFieldAndValue) {
 
 // --- rectifyCalibration -----------------------------------------------------------------------
 
-/// Raw pixel of a point in a pinhole camera without distortion, turned into the rectified one.
+/// Raw pixel of a point in a pinhole camera without distortion, rotated into the rectified one.
 Eigen::Vector2d rectifyPixel(const CameraCalibration& camera, const Eigen::Vector3d& p_raw) {
   const Eigen::Vector3d p = camera.P.leftCols<3>() * (camera.R * p_raw);
   return p.hnormalized();
 }
 
-TEST(RectifyCalibration, LeavesARectifiedPairAsItIs) {
+TEST(RectifyCalibration, LeavesARectifiedPairUnchanged) {
   Eigen::Isometry3d T_right_left = Eigen::Isometry3d::Identity();
   T_right_left.translation().x() = -0.2;
   const StereoCalibration result = rectifyCalibration(makeRectifiedPair(), T_right_left);
@@ -148,7 +148,7 @@ TEST(RectifyCalibration, LeavesARectifiedPairAsItIs) {
   EXPECT_NEAR(result.left.P(0, 0), kFocal_px, 3.0);
 }
 
-TEST(RectifyCalibration, PutsAPointOnTheSameRowOfBothImages) {
+TEST(RectifyCalibration, ProjectsAPointToTheSameRowOfBothImages) {
   const Eigen::Isometry3d T_right_left = makeTurnedPose();
   const StereoCalibration result = rectifyCalibration({makeCamera(), makeCamera()}, T_right_left);
   const StereoCamera camera = rectifiedCamera(result);
@@ -166,7 +166,7 @@ TEST(RectifyCalibration, PutsAPointOnTheSameRowOfBothImages) {
   }
 }
 
-TEST(RectifyCalibration, GivesTheSameDoublesEachTime) {
+TEST(RectifyCalibration, IsDeterministic) {
   const StereoCalibration first =
       rectifyCalibration({makeCamera(), makeCamera()}, makeTurnedPose());
   const StereoCalibration second =
@@ -177,7 +177,7 @@ TEST(RectifyCalibration, GivesTheSameDoublesEachTime) {
   EXPECT_EQ(first.right.R, second.right.R);
 }
 
-TEST(RectifyCalibration, TakesEveryDistortionModel) {
+TEST(RectifyCalibration, SupportsEveryDistortionModel) {
   for (const auto& [model, count] : {std::pair<const char*, std::size_t>{"plumb_bob", 4},
                                      {"plumb_bob", 5},
                                      {"rational_polynomial", 8},
@@ -192,7 +192,7 @@ TEST(RectifyCalibration, TakesEveryDistortionModel) {
   }
 }
 
-TEST(RectifyCalibration, RefusesWhatCannotBeRectified) {
+TEST(RectifyCalibration, RefusesInvalidCalibrations) {
   const auto refuse = [](const std::function<void(CameraCalibration&)>& change,
                          const std::string& words) {
     CameraCalibration left = makeCamera();
@@ -225,7 +225,7 @@ TEST(StereoRectifierTest, UndistortedRectifiedPairIsUnchanged) {
   EXPECT_EQ(rectifier.camera(), rectifiedCamera(makeRectifiedPair()));
 }
 
-TEST(StereoRectifierTest, MovesAPatchToWhereTheMathSays) {
+TEST(StereoRectifierTest, MovesAPatchToItsProjection) {
   const Eigen::Isometry3d T_right_left = makeTurnedPose();
   const StereoCalibration calibration =
       rectifyCalibration({makeCamera(), makeCamera()}, T_right_left);
@@ -262,7 +262,7 @@ Eigen::Vector2d fisheyePixel(const CameraCalibration& camera, const Eigen::Vecto
   return (camera.K * image.homogeneous()).hnormalized();
 }
 
-TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToWhereTheMathSays) {
+TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToItsProjection) {
   CameraCalibration fisheye = makeCamera();
   fisheye.K.topLeftCorner<2, 2>() *= 0.5;  // 75 degrees from the axis to the edge
   fisheye.D = {-0.03, 0.01, -0.006, 0.001};
@@ -294,7 +294,7 @@ TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToWhereTheMathSays) {
   }
 }
 
-TEST(StereoRectifierTest, GivesTheSameBytesEachTime) {
+TEST(StereoRectifierTest, IsDeterministic) {
   CameraCalibration camera = makeCamera();
   camera.D = {-0.28, 0.07, 0.0002, 0.00002, 0.0};
   const StereoCalibration calibration = rectifyCalibration({camera, camera}, makeTurnedPose());
@@ -316,7 +316,7 @@ TEST(StereoRectifierTest, RefusesImagesThatDoNotFit) {
   expectInvalid([&] { rectifier.rectify(StereoImages()); }, "0 x 0");
 }
 
-TEST(StereoRectifierTest, RefusesUnusableCalibration) {
+TEST(StereoRectifierTest, RefusesInvalidCalibrations) {
   StereoCalibration calibration = makeRectifiedPair();
   calibration.right.R.setZero();
   expectInvalid([&] { StereoRectifier{calibration}; }, "right camera: R is not a rotation");

@@ -1,4 +1,4 @@
-"""What the tests with a real roscore share: programs that run with it, nodelet managers, a camera."""
+"""Shared by the tests with a real roscore: programs that run with it, nodelet managers, a camera."""
 
 import os
 import shutil
@@ -41,7 +41,7 @@ def wait_until(condition, timeout_s=START_UP_S):
 
 
 class Host:
-    """Programs of one computer: what they print is kept in `folder`, and all end with close().
+    """Programs of one computer: their output is kept in `folder`, and all end with close().
 
     `prefix` is put before every command, for example to run it in another network namespace.
     """
@@ -54,9 +54,10 @@ class Host:
         self.environment.pop("ROS_HOSTNAME", None)
         self.processes = []
 
-    def start(self, command, name):
+    def start(self, command, name, environment=None):
         with open(self.log_file(name), "w") as log:
-            process = subprocess.Popen(self.prefix + command, env=self.environment, stdout=log,
+            process = subprocess.Popen(self.prefix + command,
+                                       env=dict(self.environment, **(environment or {})), stdout=log,
                                        stderr=subprocess.STDOUT, start_new_session=True)
         self.processes.append(process)
         return process
@@ -93,7 +94,7 @@ class Host:
 
     @classmethod
     def end_recording(cls, recorder, bag):
-        """Ctrl-C for `rosbag record`. What records gives the bag its name after that script ended."""
+        """Ctrl-C for `rosbag record`. The recording process renames the bag after that script has ended."""
         cls.end(recorder)
         if not wait_until(lambda: os.path.exists(bag)):
             raise RuntimeError(f"rosbag record leaves no {bag}")
@@ -111,16 +112,16 @@ def local_host(folder):
 class Manager:
     """A nodelet manager as a process."""
 
-    def __init__(self, host, name="manager"):
+    def __init__(self, host, name="manager", environment=None):
         self.name = name
         self.host = host
         self.process = host.start(["rosrun", "nodelet", "nodelet", "manager", f"__name:={name}"],
-                                  name)
+                                  name, environment)
         rospy.wait_for_service(f"/{name}/load_nodelet", timeout=START_UP_S)
 
     def load(self, name, kind, parameters=None, remappings=None):
-        """Loads a nodelet, with its parameters in place of all that were set before. All names are
-        whole ones, with a leading slash."""
+        """Loads a nodelet, with its parameters instead of all that were set before. All names are
+        absolute, with a leading slash."""
         if rospy.has_param(name):
             rospy.delete_param(name)
         for key, value in (parameters or {}).items():
@@ -214,9 +215,9 @@ class WallCamera:
 class LiveCamera:
     """A WallCamera that publishes in real time from a thread until stop()."""
 
-    def __init__(self, namespace, rate_hz=20.0, place=WallCamera.to_and_fro):
+    def __init__(self, namespace, rate_hz=20.0, step_of=WallCamera.to_and_fro):
         self.camera = WallCamera()
-        self.place = place
+        self.step_of = step_of
         self.rate_hz = rate_hz
         self.publishers = {}
         for side in ("left", "right"):
@@ -235,7 +236,7 @@ class LiveCamera:
             if not self.running:
                 return
             stamp = rospy.Time.from_sec(time.time())
-            for topic, message in self.camera.messages(self.place(frame), stamp):
+            for topic, message in self.camera.messages(self.step_of(frame), stamp):
                 self.publishers[topic].publish(message)
             time.sleep(1.0 / self.rate_hz)
 
@@ -257,18 +258,18 @@ class Listener:
             rospy.Subscriber(namespace + "/info", OdometryInfo, self.infos.append)]
 
     def wait_for_connection(self):
-        """Waits until an odometry is heard on each topic."""
+        """Waits until each topic has a publisher."""
         if not wait_until(lambda: all(subscriber.get_num_connections() == 1
                                       for subscriber in self.subscribers)):
-            raise RuntimeError("the listener hears no odometry")
+            raise RuntimeError("the listener has no publisher")
 
     def wait_for(self, count, timeout_s=START_UP_S):
-        """True once so many more odometry messages have come."""
+        """True once `count` more odometry messages have come."""
         goal = len(self.odometry) + count
         return wait_until(lambda: len(self.odometry) >= goal, timeout_s)
 
     def quiet(self, quiet_s=1.0):
-        """Returns when nothing has come for a while."""
+        """Returns when no message has come for a while."""
         count = -1
         while count != len(self.infos):
             count = len(self.infos)
@@ -314,8 +315,8 @@ class RosTest(unittest.TestCase):
         os.environ.pop("ROS_HOSTNAME", None)
         rospy.init_node("test", disable_signals=True)
 
-    def start_manager(self, name="manager"):
-        manager = Manager(self.host, name)
+    def start_manager(self, name="manager", environment=None):
+        manager = Manager(self.host, name, environment)
         self.addCleanup(manager.end)
         return manager
 

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,13 @@ struct CountCase {
   const char* name;
   int FrameCounts::*count;
 };
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream in(line);
+  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  return cells;
+}
 
 class CountOfEvents : public ::testing::TestWithParam<CountCase> {};
 
@@ -33,14 +42,15 @@ TEST_P(CountOfEvents, IsSummedUpInTheSummary) {
 
 TEST_P(CountOfEvents, IsAColumnOfTheFrames) {
   const auto [name, count] = GetParam();
-  FrameCounts counts;
-  counts.*count = 2;
-  const auto columns = listCounts(counts);
-  const auto column =
-      std::find_if(columns.begin(), columns.end(),
-                   [name = std::string(name)](const auto& named) { return named.first == name; });
-  ASSERT_NE(column, columns.end());
-  EXPECT_EQ(column->second, 2);
+  FrameRow row;
+  row.counts.*count = 2;
+  const std::string csv = formatFramesCsv({row});
+  const std::size_t end = csv.find('\n');
+  const std::vector<std::string> names = split(csv.substr(0, end));
+  const std::vector<std::string> values = split(csv.substr(end + 1));
+  const auto column = std::find(names.begin(), names.end(), name);
+  ASSERT_NE(column, names.end()) << csv;
+  EXPECT_EQ(values.at(static_cast<std::size_t>(column - names.begin())), "2") << csv;
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -49,7 +59,26 @@ INSTANTIATE_TEST_SUITE_P(
                       CountCase{"relocalizations", &FrameCounts::relocalizations}),
     [](const auto& info) { return std::string(info.param.name); });
 
-TEST(RunReport, SummaryAndTableSayWhichDetectorsRan) {
+TEST(RunReport, SummaryIsJsonWhateverTheNames) {
+  RunInfo info;
+  info.input = "bags/\"quoted\"\n\xff.bag";
+  const auto summary = nlohmann::json::parse(formatSummaryJson(std::vector<FrameRow>(3), info));
+  EXPECT_EQ(summary["input"], "bags/\"quoted\"\n\xef\xbf\xbd.bag");
+  EXPECT_EQ(summary["frames"], 3);
+  EXPECT_EQ(summary["states"], nlohmann::json({{"initializing", 3}}));
+  EXPECT_EQ(summary["weighted_residuals"]["points"]["size"], 0);
+  EXPECT_EQ(summary.count("recording"), 0U);
+}
+
+TEST(RunReport, TimesAreSummedUpByMeanAndQuantiles) {
+  std::vector<FrameRow> rows(20);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i].decode_ms = static_cast<double>(20 - i);
+  const auto summary = nlohmann::json::parse(formatSummaryJson(rows, {}));
+  const nlohmann::json expected = {{"mean", 10.5}, {"median", 11.0}, {"p95", 20.0}, {"max", 20.0}};
+  EXPECT_EQ(summary["times"]["decode_ms"], expected);
+}
+
+TEST(RunReport, SummaryAndTableNameTheDetectors) {
   RunInfo info;
   info.line_detector = "lsd";
   info.point_descriptor = "orb";

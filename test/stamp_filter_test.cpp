@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint32_t kEndOfTime = 4294967295U;
 
-/// The messages of a topic by the order in which they came: which have passed and which have not.
+/// The messages of a topic in order of arrival: which have passed and which were rejected.
 struct Topic {
   StampFilter filter;
   ros::Time now;
@@ -46,7 +46,7 @@ std::vector<int> upTo(int end, const std::vector<int>& without = {}) {
   return numbers;
 }
 
-TEST(StampFilter, LetsACameraPass) {
+TEST(StampFilter, PassesTheMessagesOfACamera) {
   Topic topic;
   topic.addRow(1000.0, 5);
   topic.addRow(1000.9, 5);       // a gap
@@ -56,7 +56,7 @@ TEST(StampFilter, LetsACameraPass) {
   EXPECT_TRUE(topic.jumps_s.empty());
 }
 
-/// As the wire may bring it: nobody has normalised it.
+/// As a deserialised message may have it: not normalised.
 ros::Time rawTime(std::uint32_t sec, std::uint32_t nsec) {
   ros::Time time;
   time.sec = sec;
@@ -64,7 +64,7 @@ ros::Time rawTime(std::uint32_t sec, std::uint32_t nsec) {
   return time;
 }
 
-TEST(StampFilter, RejectsWhatIsNoTimeHoweverOftenItComes) {
+TEST(StampFilter, RejectsInvalidTimesHoweverManyThereAre) {
   for (const ros::Time& wild :
        {ros::Time(), rawTime(kEndOfTime, 0), rawTime(kEndOfTime, 999999999),
         rawTime(kEndOfTime, kEndOfTime), rawTime(1000, 1000000000), rawTime(kEndOfTime - 10, 0)}) {
@@ -85,8 +85,8 @@ TEST(StampFilter, NamesTheStampAndItsFault) {
   topic.add(ros::Time(3.25));
   topic.add(ros::Time(1000.05));
   EXPECT_EQ(topic.texts,
-            (std::vector<std::string>{"stamp 0.000000000 is no time",
-                                      "stamp 4294967295.000000005 is out of the range of times",
+            (std::vector<std::string>{"stamp 0.000000000 is no valid time",
+                                      "stamp 4294967295.000000005 is out of the valid range",
                                       "stamp 3.250000000 is far from those before and after it"}));
 }
 
@@ -127,7 +127,7 @@ TEST(StampFilter, EverySecondMessageMayBeWild) {
   EXPECT_TRUE(topic.jumps_s.empty());
 }
 
-/// Nothing of what comes after a true jump is lost.
+/// No message after a true jump is lost.
 TEST(StampFilter, FollowsAJumpThatTheNextMessagesConfirm) {
   for (const double to_s : {2.0, 990.0, 1010.0, 40000.0, 4.2e9}) {
     Topic topic;
@@ -142,7 +142,7 @@ TEST(StampFilter, FollowsAJumpThatTheNextMessagesConfirm) {
   }
 }
 
-TEST(StampFilter, TakesASlowCameraThatMissesFrames) {
+TEST(StampFilter, PassesASlowCameraThatMissesFrames) {
   Topic topic;
   topic.addRow(1000.0, 6, 2.0);
   topic.add(ros::Time(1014.0));
@@ -153,7 +153,7 @@ TEST(StampFilter, TakesASlowCameraThatMissesFrames) {
   EXPECT_EQ(topic.passed, upTo(9, {7}));
 }
 
-TEST(StampFilter, DoesNotBelieveAFirstStampInTheFuture) {
+TEST(StampFilter, AFirstStampInTheFutureMustBeConfirmed) {
   Topic topic;
   topic.now = ros::Time(1010.0);
   topic.add(ros::Time(2e9));

@@ -1,4 +1,4 @@
-/// What comes together of the four topics, and what does not for its stamps.
+/// Synchronisation of the four topics, and messages that are rejected for their stamps.
 
 #include "ros/stereo_input.h"
 
@@ -14,7 +14,7 @@ namespace {
 constexpr double kPeriod_s = 0.05;
 constexpr std::uint32_t kEndOfTime = 4294967295U;
 
-/// A stereo camera whose messages have stamps of the test's choice.
+/// A stereo camera whose messages have stamps chosen by the test.
 class StereoInputTest : public ::testing::TestWithParam<bool> {
  protected:
   StereoInputTest() {
@@ -50,7 +50,7 @@ class StereoInputTest : public ::testing::TestWithParam<bool> {
     for (int k = 0; k < number; ++k) addFrame(ros::Time(begin_s + k * kPeriod_s));
   }
 
-  /// One of these stamps after the other, and back.
+  /// These stamps in turn, forwards and backwards.
   static std::vector<ros::Time> wildStamps() {
     return {ros::Time(),
             ros::Time(kEndOfTime, 0),
@@ -67,12 +67,12 @@ class StereoInputTest : public ::testing::TestWithParam<bool> {
   double arrival_s_ = 0.0;
 };
 
-/// The sets after which one may still wait for the next frame.
+/// Number of sets that must be complete; one may still wait for the next frame.
 std::size_t finished(int frames, bool approximate) {
   return static_cast<std::size_t>(frames) - (approximate ? 1U : 0U);
 }
 
-TEST_P(StereoInputTest, AWildFrameIsNoneAndAllOthersPass) {
+TEST_P(StereoInputTest, AFrameWithAWildStampIsRejectedAndAllOthersPass) {
   int frames = 0;
   for (const ros::Time& wild : wildStamps()) {
     addFrames(1000.0 + frames * kPeriod_s, 4);
@@ -88,8 +88,8 @@ TEST_P(StereoInputTest, AWildFrameIsNoneAndAllOthersPass) {
   EXPECT_EQ(rejected_.size(), 4 * wildStamps().size());
 }
 
-/// Each of the four alone, oftener than the queue is long.
-TEST_P(StereoInputTest, AWildMessageCostsItsOwnFrameOnly) {
+/// Each of the four topics alone, more often than the queue is long.
+TEST_P(StereoInputTest, AMessageWithAWildStampLosesItsOwnFrameOnly) {
   int frames = 0;
   for (int round = 0; round < 4; ++round) {
     for (std::size_t topic = 0; topic < kNumStereoTopics; ++topic) {
@@ -111,7 +111,7 @@ TEST_P(StereoInputTest, AWildMessageCostsItsOwnFrameOnly) {
   EXPECT_LE(sets_s_.size(), 2 + 2 * wild);
 }
 
-TEST_P(StereoInputTest, AJumpOfTheClockCostsNoFrame) {
+TEST_P(StereoInputTest, AJumpOfTheClockLosesNoFrame) {
   for (const double to_s : {500.0, 501.0, 50000.0, 20.0, 1.6e9}) addFrames(to_s, 8);
   EXPECT_TRUE(rejected_.empty());
   const std::size_t lost_at_jumps =
@@ -119,8 +119,8 @@ TEST_P(StereoInputTest, AJumpOfTheClockCostsNoFrame) {
   EXPECT_GE(sets_s_.size() + lost_at_jumps, 40U);
 }
 
-/// The second camera is served late, so that its clock seems to jump later.
-TEST_P(StereoInputTest, GoesOnAfterAJumpThatOneTopicSeesLater) {
+/// Messages of the second camera arrive late, so that its clock seems to jump later.
+TEST_P(StereoInputTest, GoesOnAfterAJumpThatIsLaterOnOneTopic) {
   const auto stampOf = [](int k) { return ros::Time((k < 20 ? 1000.0 : 100.0) + k * kPeriod_s); };
   constexpr int kLate = 4;
   for (int k = 0; k < 60; ++k) {
@@ -131,7 +131,7 @@ TEST_P(StereoInputTest, GoesOnAfterAJumpThatOneTopicSeesLater) {
   EXPECT_TRUE(rejected_.empty());
 }
 
-/// What the others had waiting meanwhile is lost.
+/// Queued messages of the other topics are lost meanwhile.
 TEST_P(StereoInputTest, OneClockThatJumpsAloneComesBack) {
   addFrames(1000.0, 4);
   for (int k = 0; k < 6; ++k) {
@@ -146,9 +146,9 @@ TEST_P(StereoInputTest, OneClockThatJumpsAloneComesBack) {
 
 TEST_P(StereoInputTest, ExplainsThatAllStampsAreZero) {
   for (int k = 0; k < 5; ++k) addFrame(ros::Time());
-  const std::string text = input_->explainSilence();
+  const std::string text = input_->explainTimeout();
   EXPECT_NE(text.find("20 messages were rejected for their stamps"), std::string::npos) << text;
-  EXPECT_NE(text.find("right_info: stamp 0.000000000 is no time"), std::string::npos) << text;
+  EXPECT_NE(text.find("right_info: stamp 0.000000000 is no valid time"), std::string::npos) << text;
   EXPECT_TRUE(input_->facts(arrival_s_).unstamped);
   addFrames(1000.0, 2);
   EXPECT_FALSE(input_->facts(arrival_s_).unstamped) << "it is over";

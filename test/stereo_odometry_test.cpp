@@ -1,3 +1,4 @@
+
 #include "point_line_odometry/stereo_odometry.h"
 
 #include <gtest/gtest.h>
@@ -7,6 +8,9 @@
 #include <limits>
 #include <stdexcept>
 
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -19,6 +23,7 @@ using synthetic::black;
 using synthetic::frame;
 using synthetic::kFrames;
 using synthetic::kPeriodNs;
+using synthetic::roomParameters;
 using synthetic::stamped;
 using synthetic::truePose;
 
@@ -30,10 +35,10 @@ bool allFinite(const FrameResult& result) {
          std::isfinite(result.rms_px);
 }
 
-void expectPose(const FrameResult& result, const Isometry3d& truth, double tolerance_m,
+void expectPose(const FrameResult& result, const Isometry3d& ground_truth, double tolerance_m,
                 double tolerance_rad) {
-  EXPECT_LT((result.T_odom_camera.translation() - truth.translation()).norm(), tolerance_m);
-  EXPECT_LT(synthetic::logarithm(result.T_odom_camera.linear().transpose() * truth.linear()).norm(),
+  EXPECT_LT((result.T_odom_camera.translation() - ground_truth.translation()).norm(), tolerance_m);
+  EXPECT_LT(logSO3(result.T_odom_camera.linear().transpose() * ground_truth.linear()).norm(),
             tolerance_rad);
 }
 
@@ -56,7 +61,7 @@ void expectTheDrive(const std::vector<FrameResult>& results, double tolerance_m,
 // --- The drive
 
 TEST(StereoOdometry, FirstFrameIsTheOrigin) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   const FrameResult result = odometry.process(frame(0));
   EXPECT_EQ(result.state, TrackingState::kInitializing);
   EXPECT_EQ(result.reason, TrackingReason::kFirstFrame);
@@ -71,7 +76,7 @@ TEST(StereoOdometry, FirstFrameIsTheOrigin) {
 }
 
 TEST(StereoOdometry, NumberOfThreadsChangesNothing) {
-  Parameters parameters;
+  Parameters parameters = roomParameters();
   parameters.tracking.threads = 1;
   const std::vector<FrameResult> alone = run(parameters);
   for (const int threads : {2, 5}) {
@@ -87,7 +92,7 @@ TEST(StereoOdometry, NumberOfThreadsChangesNothing) {
 }
 
 TEST(StereoOdometry, RecoversAKnownMotion) {
-  const std::vector<FrameResult> results = run({});
+  const std::vector<FrameResult> results = run(roomParameters());
   expectTheDrive(results, 0.015, 0.003);
   for (int k = 1; k < kFrames; ++k) {
     const FrameResult& result = results[k];
@@ -104,12 +109,12 @@ TEST(StereoOdometry, RecoversAKnownMotion) {
 }
 
 TEST(StereoOdometry, FindsAMotionFarFromThePrediction) {
-  // After standing still the camera turns by 25 degrees, 140 px, within a frame and goes on so.
+  // After standing still the camera rotates by 25 degrees, 140 px, within a frame and continues so.
   const auto pose = [](int k) {
     return synthetic::transform({0.0, std::max(k - 2, 0) * 25.0 * M_PI / 180.0, 0.0},
                                 std::max(k - 2, 0) * Vector3d(0.1, 0.0, 0.2));
   };
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 5; ++k) {
     const FrameResult result =
         odometry.process(synthetic::renderStereo(kCamera, pose(k), (k + 1) * kPeriodNs));
@@ -119,8 +124,8 @@ TEST(StereoOdometry, FindsAMotionFarFromThePrediction) {
   }
 }
 
-TEST(StereoOdometry, ObservedPointsLieWhereTheyAreSeen) {
-  const FrameResult result = run({}).back();
+TEST(StereoOdometry, ObservedPointsProjectToTheirPixels) {
+  const FrameResult result = run(roomParameters()).back();
   ASSERT_GT(result.points.size(), 20U);
   for (const ObservedPoint& point : result.points) {
     EXPECT_LT(
@@ -139,7 +144,7 @@ TEST(StereoOdometry, ObservedPointsLieWhereTheyAreSeen) {
 }
 
 TEST(StereoOdometry, CovarianceGrowsAndCoversTheError) {
-  const std::vector<FrameResult> results = run({});
+  const std::vector<FrameResult> results = run(roomParameters());
   double first = 0.0;
   double last = 0.0;
   for (int k = 1; k < kFrames; ++k) {
@@ -155,10 +160,10 @@ TEST(StereoOdometry, CovarianceGrowsAndCoversTheError) {
 }
 
 TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
-  Parameters parameters;
-  parameters.window.keyframe_overlap = 0.95;  // the window is adjusted, too
+  Parameters parameters = roomParameters();
+  parameters.window.keyframe_overlap = 0.95;  // for bundle adjustments
   const std::vector<FrameResult> first = run(parameters);
-  // Other places in memory: nothing may depend on the order of addresses.
+  // Other addresses in memory: results must not depend on their order.
   std::vector<std::vector<char>> held;
   for (std::size_t size = 16; size < 40000; size += size / 3) held.emplace_back(size);
   const std::vector<FrameResult> second = run(parameters);
@@ -170,7 +175,7 @@ TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
 }
 
 TEST(StereoOdometry, PointsOnly) {
-  Parameters parameters;
+  Parameters parameters = roomParameters();
   parameters.lines.enabled = false;
   const std::vector<FrameResult> results = run(parameters);
   expectTheDrive(results, 0.02, 0.004);
@@ -179,7 +184,7 @@ TEST(StereoOdometry, PointsOnly) {
 }
 
 TEST(StereoOdometry, LinesOnly) {
-  Parameters parameters;
+  Parameters parameters = roomParameters();
   parameters.points.enabled = false;
   const std::vector<FrameResult> results = run(parameters);
   expectTheDrive(results, 0.05, 0.01);
@@ -198,7 +203,7 @@ TEST(StereoOdometry, PaperMode) {
 TEST(StereoOdometry, RotationsAreFusedWhereThereAreNoLandmarks) {
   for (const char* when : {"never", "without_landmarks", "always"}) {
     for (const int size : {0, 5}) {
-      Parameters parameters;
+      Parameters parameters = roomParameters();
       parameters.motion.fuse_rotation = when;
       parameters.window.size = size;
       const bool expected =
@@ -221,7 +226,7 @@ TEST(StereoOdometry, OtherOptionsRun) {
 // --- Frames that are dropped
 
 TEST(StereoOdometry, EqualAndOlderStampsAreDropped) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   odometry.process(frame(0));
   const FrameResult good = odometry.process(frame(1));
   for (const std::int64_t stamp_ns :
@@ -233,12 +238,12 @@ TEST(StereoOdometry, EqualAndOlderStampsAreDropped) {
     EXPECT_EQ(dropped.T_odom_camera.matrix(), good.T_odom_camera.matrix());
   }
   const FrameResult next = odometry.process(frame(2));
-  EXPECT_EQ(next.T_odom_camera.matrix(), run({})[2].T_odom_camera.matrix())
-      << "the dropped ones left no trace";
+  EXPECT_EQ(next.T_odom_camera.matrix(), run(roomParameters())[2].T_odom_camera.matrix())
+      << "the dropped ones have no effect";
 }
 
 TEST(StereoOdometry, WrongImagesAreDropped) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   odometry.process(frame(0));
   odometry.process(frame(1));
   cv::Mat colour(kCamera.height, kCamera.width, CV_8UC3, cv::Scalar::all(9));
@@ -253,22 +258,24 @@ TEST(StereoOdometry, WrongImagesAreDropped) {
       EXPECT_FALSE(dropped.accepted());
     }
   }
-  EXPECT_EQ(odometry.process(frame(2)).T_odom_camera.matrix(), run({})[2].T_odom_camera.matrix());
+  EXPECT_EQ(odometry.process(frame(2)).T_odom_camera.matrix(),
+            run(roomParameters())[2].T_odom_camera.matrix());
 }
 
 TEST(StereoOdometry, ImagesMayBeOverwrittenAfterwards) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   StereoImages buffer{frame(0).left.clone(), frame(0).right.clone(), frame(0).stamp_ns};
   odometry.process(buffer);
   buffer.left.setTo(0);
   buffer.right.setTo(0);
-  EXPECT_EQ(odometry.process(frame(1)).T_odom_camera.matrix(), run({})[1].T_odom_camera.matrix());
+  EXPECT_EQ(odometry.process(frame(1)).T_odom_camera.matrix(),
+            run(roomParameters())[1].T_odom_camera.matrix());
 }
 
-// --- Losing and finding again; see faults_test as well
+// --- Lost tracking and relocalization; see faults_test as well
 
-TEST(StereoOdometry, AnotherSceneIsTakenAsNewReferenceWhenLost) {
-  StereoOdometry odometry(kCamera, {});
+TEST(StereoOdometry, AnotherSceneStartsANewMapWhenLost) {
+  StereoOdometry odometry(kCamera, roomParameters());
   FrameResult last;
   for (int k = 0; k < 3; ++k) last = odometry.process(frame(k));
   const Isometry3d about = synthetic::transform({0.0, M_PI, 0.0}, Vector3d::Zero());
@@ -281,18 +288,18 @@ TEST(StereoOdometry, AnotherSceneIsTakenAsNewReferenceWhenLost) {
     EXPECT_TRUE(i == 7 || result.pose_covariance.trace() > last.pose_covariance.trace()) << i;
     last = result;
   }
-  EXPECT_EQ(last.state, TrackingState::kOk) << "a new reference, and no motion since";
+  EXPECT_EQ(last.state, TrackingState::kOk) << "tracking started again, and no motion since";
   const FrameResult next = odometry.process(stamped(after, 11 * kPeriodNs));
   EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
   EXPECT_GE(next.pose_covariance.trace(), 0.9 * last.pose_covariance.trace())
-      << "nothing has told where it is";
+      << "its pose is unknown";
   const Isometry3d moved = last.T_odom_camera.inverse() * next.T_odom_camera;
-  const Isometry3d truth = (truePose(2) * about).inverse() * truePose(3) * about;
-  EXPECT_LT((moved.translation() - truth.translation()).norm(), 0.02);
+  const Isometry3d ground_truth = (truePose(2) * about).inverse() * truePose(3) * about;
+  EXPECT_LT((moved.translation() - ground_truth.translation()).norm(), 0.02);
 }
 
 TEST(StereoOdometry, AShortBlackoutIsBridgedByTheImages) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 4; ++k) odometry.process(frame(k));
   EXPECT_EQ(odometry.process(black(5 * kPeriodNs)).state, TrackingState::kDegraded);
   const FrameResult result = odometry.process(frame(5));
@@ -301,7 +308,7 @@ TEST(StereoOdometry, AShortBlackoutIsBridgedByTheImages) {
 }
 
 TEST(StereoOdometry, BlackFromTheStart) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) {
     const FrameResult result = odometry.process(black((k + 1) * kPeriodNs));
     EXPECT_TRUE(allFinite(result));
@@ -315,7 +322,7 @@ TEST(StereoOdometry, BlackFromTheStart) {
 }
 
 TEST(StereoOdometry, TooFastIsRejected) {
-  Parameters parameters;
+  Parameters parameters = roomParameters();
   parameters.tracking.max_speed_m_s = 1.0;  // the camera moves at 1.2
   EXPECT_EQ(run(parameters)[1].reason, TrackingReason::kTooFast);
   parameters = {};
@@ -323,14 +330,15 @@ TEST(StereoOdometry, TooFastIsRejected) {
   EXPECT_EQ(run(parameters)[1].reason, TrackingReason::kTooFast);
 }
 
-// --- Orders from outside
+// --- Reset, camera and parameters
 
 TEST(StereoOdometry, ResetStartsAtThePose) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) odometry.process(frame(k));
   const Isometry3d start = synthetic::transform({0.1, 0.2, 0.3}, {5.0, 6.0, 7.0});
   odometry.reset(start);
-  const FrameResult first = odometry.process(stamped(frame(0), 1));  // older stamps are fine again
+  const FrameResult first =
+      odometry.process(stamped(frame(0), 1));  // older stamps are accepted again
   EXPECT_EQ(first.reason, TrackingReason::kFirstFrame);
   EXPECT_EQ(first.T_odom_camera.matrix(), start.matrix());
   EXPECT_TRUE(first.pose_covariance.isZero(0.0) && first.twist.isZero(0.0));
@@ -339,7 +347,7 @@ TEST(StereoOdometry, ResetStartsAtThePose) {
 }
 
 TEST(StereoOdometry, ANewCameraKeepsThePose) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) odometry.process(frame(k));
   const FrameResult before = odometry.process(frame(3));
   StereoCamera other = kCamera;
@@ -354,18 +362,22 @@ TEST(StereoOdometry, ANewCameraKeepsThePose) {
   expectPose(next, before.T_odom_camera * truePose(4).inverse() * truePose(5), 0.02, 0.005);
 }
 
-TEST(StereoOdometry, OtherParametersDoNotStopTheMotion) {
-  Parameters points_only, no_window, larger_window, more_levels, two_frames;
+TEST(StereoOdometry, OtherParametersDoNotInterruptTracking) {
+  Parameters points_only = roomParameters();
+  Parameters no_window = points_only;
+  Parameters larger_window = points_only;
+  Parameters more_levels = points_only;
+  Parameters two_frames = points_only;
   points_only.lines.enabled = false;
   no_window.window.size = 0;
   larger_window.window.size = 7;
   more_levels.points.levels = 3;
   two_frames.motion.fuse_rotation = "always";
   for (const Parameters& other : {points_only, no_window, larger_window, more_levels, two_frames}) {
-    StereoOdometry odometry(kCamera, {});
+    StereoOdometry odometry(kCamera, roomParameters());
     for (int k = 0; k < kFrames; ++k) {
       if (k == 3) odometry.setParameters(other);
-      if (k == 6) odometry.setParameters({});
+      if (k == 6) odometry.setParameters(roomParameters());
       const FrameResult result = odometry.process(frame(k));
       expectPose(result, truePose(k), 0.03, 0.006);
       if (k == 0) continue;
@@ -374,26 +386,26 @@ TEST(StereoOdometry, OtherParametersDoNotStopTheMotion) {
   }
 }
 
-TEST(StereoOdometry, OtherParametersKeepTheLandmarksUnlessTheyAreOfThem) {
+TEST(StereoOdometry, OnlyWindowAndMapParametersDiscardTheLandmarks) {
   for (const bool of_landmarks : {false, true}) {
-    StereoOdometry odometry(kCamera, {});
+    StereoOdometry odometry(kCamera, roomParameters());
     for (int k = 0; k < 4; ++k) odometry.process(frame(k));
-    Parameters other;
+    Parameters other = roomParameters();
     (of_landmarks ? other.local_map.size : other.lines.max_count) = 50;
     odometry.setParameters(other);
     EXPECT_EQ(odometry.process(frame(4)).counts.map_points == 0, of_landmarks);
   }
 }
 
-TEST(StereoOdometry, AnotherDescriptorIsANewReference) {
-  StereoOdometry odometry(kCamera, {});
+TEST(StereoOdometry, AnotherDescriptorRestartsTracking) {
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) odometry.process(frame(k));
   const FrameResult before = odometry.process(frame(3));
   Parameters other;
   other.points.descriptor = "orb";
   odometry.setParameters(other);
   const FrameResult first = odometry.process(frame(4));
-  EXPECT_EQ(first.reason, TrackingReason::kFirstFrame) << "the old ones cannot be compared";
+  EXPECT_EQ(first.reason, TrackingReason::kFirstFrame) << "the old descriptors cannot be compared";
   EXPECT_TRUE(first.T_odom_camera.isApprox(before.T_odom_camera, 1e-12));
   const FrameResult next = odometry.process(frame(5));
   EXPECT_EQ(next.state, TrackingState::kOk);
@@ -402,7 +414,7 @@ TEST(StereoOdometry, AnotherDescriptorIsANewReference) {
 
 // --- Saved and restored
 
-/// All that a result says, but for the times.
+/// All of a result but the times.
 void expectSame(const FrameResult& a, const FrameResult& b) {
   EXPECT_EQ(a.stamp_ns, b.stamp_ns);
   EXPECT_EQ(a.state, b.state);
@@ -444,14 +456,14 @@ void expectTheSameFromEveryFrame(const Parameters& parameters) {
   }
 }
 
-TEST(StereoOdometryState, GoesOnWithTheSameBits) {
+TEST(StereoOdometryState, ContinuesWithTheSameBits) {
   Parameters many_keyframes;
   many_keyframes.window.keyframe_overlap = 0.95;
   expectTheSameFromEveryFrame(many_keyframes);
-  Parameters forgetful = many_keyframes;
-  forgetful.window.size = 3;
-  forgetful.local_map.size = 0;
-  expectTheSameFromEveryFrame(forgetful);
+  Parameters small_map = many_keyframes;
+  small_map.window.size = 3;
+  small_map.local_map.size = 0;
+  expectTheSameFromEveryFrame(small_map);
   Parameters frame_to_frame;
   frame_to_frame.window.size = 0;
   frame_to_frame.motion.fuse_rotation = "always";
@@ -459,7 +471,7 @@ TEST(StereoOdometryState, GoesOnWithTheSameBits) {
 }
 
 TEST(StereoOdometryState, SavingChangesNothing) {
-  Parameters parameters;
+  Parameters parameters = roomParameters();
   parameters.window.keyframe_overlap = 0.95;
   const std::vector<FrameResult> results = run(parameters);
   StereoOdometry odometry(kCamera, parameters);
@@ -471,7 +483,7 @@ TEST(StereoOdometryState, SavingChangesNothing) {
 }
 
 TEST(StereoOdometryState, DamagedBytesAreRefused) {
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) odometry.process(frame(k));
   const std::string state = odometry.saveState();
   for (std::size_t size = 0; size < state.size(); size += 1 + state.size() / 50)
@@ -501,7 +513,7 @@ TEST(StereoOdometry, BadCameraAndParametersThrowAndAreNamed) {
   bad.motion.huber_delta = std::numeric_limits<double>::quiet_NaN();
   expectNamed({"baseline_m"}, [&] { StereoOdometry(swapped, {}); });
   expectNamed({"points/levels", "motion/huber_delta"}, [&] { StereoOdometry(kCamera, bad); });
-  StereoOdometry odometry(kCamera, {});
+  StereoOdometry odometry(kCamera, roomParameters());
   expectNamed({"baseline_m"}, [&] { odometry.setCamera(swapped); });
   expectNamed({"points/levels", "motion/huber_delta"}, [&] { odometry.setParameters(bad); });
   EXPECT_EQ(odometry.camera(), kCamera);  // and nothing has changed

@@ -6,15 +6,22 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <opencv2/core.hpp>
 #include <random>
+#include <string>
+#include <utility>
 #include <vector>
 
-#include "point_line_odometry/motion.h"
+#include "features/features.h"
+#include "geometry/se3.h"
+#include "geometry/triangulation.h"
+#include "motion/correspondence.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
-#include "point_line_odometry/triangulation.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -46,16 +53,9 @@ inline StereoCamera handCamera() {
 inline Eigen::Isometry3d transform(const Eigen::Vector3d& rotation_vector,
                                    const Eigen::Vector3d& t) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  const double angle = rotation_vector.norm();
-  if (angle > 0.0) T.linear() = Eigen::AngleAxisd(angle, rotation_vector / angle).matrix();
+  T.linear() = expSO3(rotation_vector);
   T.translation() = t;
   return T;
-}
-
-/// Rotation vector of R.
-inline Eigen::Vector3d logarithm(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd angle_axis(R);
-  return angle_axis.angle() * angle_axis.axis();
 }
 
 /// A motion with all six components, as T_curr_prev.
@@ -68,6 +68,22 @@ class Random {
     return std::uniform_real_distribution<double>(low, high)(generator_);
   }
   double normal(double sigma) { return sigma * normal_(generator_); }
+
+  // Of vectors the last coordinate is drawn first. (As arguments of a constructor, compilers would
+  // differ in the order.)
+  template <int N>
+  Eigen::Matrix<double, N, 1> uniform(const Eigen::Matrix<double, N, 1>& low,
+                                      const Eigen::Matrix<double, N, 1>& high) {
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = N - 1; i >= 0; --i) v[i] = uniform(low[i], high[i]);
+    return v;
+  }
+  template <int N>
+  Eigen::Matrix<double, N, 1> normals(double sigma) {
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = N - 1; i >= 0; --i) v[i] = normal(sigma);
+    return v;
+  }
   std::uint64_t bits() { return generator_(); }
 
  private:
@@ -87,8 +103,9 @@ inline Descriptor flipped(Descriptor descriptor, int count) {
 
 /// A place that the left camera sees, at a depth from 3 to 15 m.
 inline Eigen::Vector3d visiblePoint(const StereoCamera& camera, Random* random) {
-  const Eigen::Vector2d pixel(random->uniform(60.0, camera.width - 20.0),
-                              random->uniform(20.0, camera.height - 20.0));
+  const Eigen::Vector2d pixel = random->uniform<2>(
+      {60.0, 20.0},
+      {static_cast<double>(camera.width) - 20.0, static_cast<double>(camera.height) - 20.0});
   return backProject(camera, pixel, camera.fx * camera.baseline_m / random->uniform(3.0, 15.0));
 }
 
@@ -110,8 +127,7 @@ inline PointCorrespondence pointMatch(const StereoCamera& camera,
                                       const Eigen::Isometry3d& T_curr_prev,
                                       const MatchOptions& options, Random* random) {
   const auto noisy = [&](const Eigen::Vector2d& p) {
-    return Eigen::Vector2d(p.x() + random->normal(options.noise_px),
-                           p.y() + random->normal(options.noise_px));
+    return Eigen::Vector2d(p + random->normals<2>(options.noise_px));
   };
   const Eigen::Vector3d p = visiblePoint(camera, random);
   const auto triangulated =
@@ -136,8 +152,7 @@ inline LineCorrespondence lineMatch(const StereoCamera& camera,
   Eigen::Vector2d direction;
   do {
     start = visiblePoint(camera, random);
-    end = start + Eigen::Vector3d(random->uniform(-1.5, 1.5), random->uniform(-2.0, 2.0),
-                                  random->uniform(-1.0, 1.0));
+    end = start + random->uniform<3>({-1.5, -2.0, -1.0}, {1.5, 2.0, 1.0});
     direction = (camera.projectLeft(end) - camera.projectLeft(start)).normalized();
   } while ((end - start).norm() < 1.0 || std::abs(direction.y()) < 0.6);
 
@@ -174,7 +189,7 @@ inline Correspondences matches(const StereoCamera& camera, const Eigen::Isometry
   for (int i = 0; i < options.points; ++i) {
     all.points.push_back(pointMatch(camera, T_curr_prev, options, &random));
     if (i >= options.outlier_share * options.points) continue;
-    const Eigen::Vector2d away(random.uniform(8.0, 60.0), random.uniform(-60.0, -8.0));
+    const Eigen::Vector2d away = random.uniform<2>({8.0, -60.0}, {60.0, -8.0});
     all.points.back().left_px += away;
     all.points.back().right_px += away;
   }
@@ -203,6 +218,14 @@ inline StereoCamera roomCamera() {
   camera.width = 400;
   camera.height = 280;
   return camera;
+}
+
+/// For the images of the room as they are, not enlarged: for the time, and so that numbers in
+/// pixels are of these images.
+inline Parameters roomParameters() {
+  Parameters parameters;
+  parameters.tracking.min_megapixels = 0.0;
+  return parameters;
 }
 
 /// Brightness of a wall's tile; the same for the same numbers.
@@ -286,14 +309,44 @@ inline const StereoImages& frame(int k) {
   return frames.at(static_cast<std::size_t>(k));
 }
 
-inline StereoImages black(std::int64_t stamp_ns) {
-  const cv::Mat image(roomCamera().height, roomCamera().width, CV_8UC1, cv::Scalar(0));
-  return {image, image, stamp_ns};
-}
-
 inline StereoImages stamped(StereoImages images, std::int64_t stamp_ns) {
   images.stamp_ns = stamp_ns;
   return images;
+}
+
+/// Frame k of a camera at some pose in the room, rendered once for each name.
+inline StereoImages room(const std::string& name, const Eigen::Isometry3d& T_room_camera, int k) {
+  static std::map<std::string, StereoImages> rendered;
+  StereoImages& images = rendered[name];
+  if (images.left.empty()) images = renderStereo(roomCamera(), T_room_camera, 0);
+  return stamped(images, (k + 1) * kPeriodNs);
+}
+
+/// Frame k of the drive of truePose(), as far as one likes.
+inline StereoImages drive(int k) { return room("drive " + std::to_string(k), truePose(k), k); }
+
+constexpr int kPassingBegins = 4;
+
+/// The same, but from frame kPassingBegins on what takes seventy percent of the view moves to the
+/// right.
+inline StereoImages passing(int k) {
+  StereoImages images = drive(k);
+  const double moved_m = 0.1 * std::max(0, k - kPassingBegins + 1);
+  const StereoImages other =
+      room("passing " + std::to_string(k),
+           truePose(k) * transform(Eigen::Vector3d::Zero(), {-moved_m, 0.0, 0.0}), k);
+  const cv::Rect part(0, 0, 7 * roomCamera().width / 10, roomCamera().height);
+  for (const auto& [to, from] :
+       {std::make_pair(&images.left, &other.left), std::make_pair(&images.right, &other.right)}) {
+    *to = to->clone();
+    (*from)(part).copyTo((*to)(part));
+  }
+  return images;
+}
+
+inline StereoImages black(std::int64_t stamp_ns) {
+  const cv::Mat image(roomCamera().height, roomCamera().width, CV_8UC1, cv::Scalar(0));
+  return {image, image, stamp_ns};
 }
 
 }  // namespace synthetic

@@ -1,4 +1,4 @@
-/// The synthetic camera as a nodelet of this process: what its subscribers get.
+/// The synthetic camera as a nodelet of this process: the messages that its subscribers get.
 
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
@@ -24,10 +24,11 @@
 #include <string>
 #include <vector>
 
-#include "point_line_odometry/synthetic_world.h"
+#include "ros/calibration_conversion.h"
 #include "ros/camera_messages.h"
 #include "ros/conversions.h"
 #include "ros/synthetic_stereo_parameters.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
@@ -72,7 +73,7 @@ bool waitFor(const std::function<bool()>& condition, double timeout_s = kTimeout
   return true;
 }
 
-/// Loads the nodelet, and listens to it once asked to.
+/// Loads the nodelet, and subscribes to its topics with listen().
 class CameraTest : public ::testing::Test {
  protected:
   CameraTest() : nh_("stereo"), loader_(false), spinner_(2) { spinner_.start(); }
@@ -100,8 +101,8 @@ class CameraTest : public ::testing::Test {
 
   /// \param image image_rect or image_raw.
   void listen(const std::string& image) {
-    truth_.subscribe(nh_, "/ground_truth/odom");
-    ASSERT_TRUE(waitFor([this] { return truth_.connected(); }));
+    ground_truth_.subscribe(nh_, "/ground_truth/odom");
+    ASSERT_TRUE(waitFor([this] { return ground_truth_.connected(); }));
     left_.subscribe(nh_, "left/" + image);
     right_.subscribe(nh_, "right/" + image);
     left_info_.subscribe(nh_, "left/camera_info");
@@ -111,7 +112,7 @@ class CameraTest : public ::testing::Test {
   bool waitForFrames(std::size_t count) const {
     return waitFor([this, count] {
       return std::min({left_.size(), right_.size(), left_info_.size(), right_info_.size(),
-                       truth_.size()}) >= count;
+                       ground_truth_.size()}) >= count;
     });
   }
 
@@ -126,7 +127,7 @@ class CameraTest : public ::testing::Test {
     EXPECT_EQ(right_info_.messages()[index]->header.stamp, stamp);
     EXPECT_EQ(left_info_.messages()[index]->header.frame_id, "left_camera");
     EXPECT_EQ(right_info_.messages()[index]->header.frame_id, "right_camera");
-    expectTruth(*truth_.messages()[index], stamp, world, frame);
+    expectTruth(*ground_truth_.messages()[index], stamp, world, frame);
   }
 
   static void expectImage(const sensor_msgs::Image& message, const cv::Mat& image,
@@ -167,7 +168,7 @@ class CameraTest : public ::testing::Test {
   Collector<sensor_msgs::Image> right_;
   Collector<sensor_msgs::CameraInfo> left_info_;
   Collector<sensor_msgs::CameraInfo> right_info_;
-  Collector<nav_msgs::Odometry> truth_;
+  Collector<nav_msgs::Odometry> ground_truth_;
 
  private:
   nodelet::Loader loader_;
@@ -237,7 +238,7 @@ TEST_F(RealTimeTest, SkipsWhatItIsTooSlowFor) {
   EXPECT_LT((ros::Time::now() - left_.messages()[3]->header.stamp).toSec(), 2.0) << "lags behind";
 }
 
-TEST_F(RealTimeTest, TellsWhereTheCamerasSit) {
+TEST_F(RealTimeTest, PublishesTheMountingOfTheCameras) {
   set("scene", "corridor");
   tf2_ros::Buffer buffer;
   const tf2_ros::TransformListener listener(buffer);
@@ -253,28 +254,29 @@ TEST_F(RealTimeTest, TellsWhereTheCamerasSit) {
   EXPECT_FALSE(buffer._frameExists("odom")) << "odom -> base_link is the odometry's";
 }
 
-TEST_F(RealTimeTest, BeginsWhenAllTopicsAreListenedTo) {
+TEST_F(RealTimeTest, BeginsWhenAllTopicsHaveSubscribers) {
   set("scene", "corridor");
   ASSERT_TRUE(load());
-  truth_.subscribe(nh_, "/ground_truth/odom");
+  ground_truth_.subscribe(nh_, "/ground_truth/odom");
   left_.subscribe(nh_, "left/image_raw");
   left_info_.subscribe(nh_, "left/camera_info");
   right_.subscribe(nh_, "right/image_raw");
-  EXPECT_FALSE(waitFor([this] { return truth_.size() > 0; }, 0.5));
+  EXPECT_FALSE(waitFor([this] { return ground_truth_.size() > 0; }, 0.5));
   right_info_.subscribe(nh_, "right/camera_info");
   ASSERT_TRUE(waitForFrames(1));
-  expectTruth(*truth_.messages()[0], left_.messages()[0]->header.stamp, makeWorld("corridor"), 0);
+  expectTruth(*ground_truth_.messages()[0], left_.messages()[0]->header.stamp,
+              makeWorld("corridor"), 0);
 }
 
-TEST_F(RealTimeTest, NeedNotWaitForListeners) {
+TEST_F(RealTimeTest, NeedNotWaitForSubscribers) {
   set("scene", "corridor");
   set("wait_for_subscribers", false);
   ASSERT_TRUE(load());
-  truth_.subscribe(nh_, "/ground_truth/odom");
-  EXPECT_TRUE(waitFor([this] { return truth_.size() > 2; }));
+  ground_truth_.subscribe(nh_, "/ground_truth/odom");
+  EXPECT_TRUE(waitFor([this] { return ground_truth_.size() > 2; }));
 }
 
-TEST_F(RealTimeTest, SharesMessagesAndNeverTouchesThemAgain) {
+TEST_F(RealTimeTest, SharesMessagesAndNeverWritesToThemAgain) {
   set("scene", "corridor");
   ASSERT_TRUE(load());
   listen("image_raw");
@@ -327,14 +329,15 @@ class SimulatedTimeTest : public CameraTest {
   Collector<rosgraph_msgs::Clock> clock_;
 };
 
-TEST_F(SimulatedTimeTest, ShowsEveryFrameAtItsTimeAndEnds) {
+TEST_F(SimulatedTimeTest, PublishesEveryFrameAtItsTimeAndEnds) {
   constexpr std::size_t kFrames = 4;
   set("frames", static_cast<int>(kFrames));
   set("rate", 5.0);
   Collector<nav_msgs::Path> path;
   path.subscribe(nh_, "/ground_truth/path");
   ASSERT_TRUE(load());
-  ASSERT_TRUE(waitFor([this] { return clock_.size() > 0; })) << "the clock stands, but is there";
+  ASSERT_TRUE(waitFor([this] { return clock_.size() > 0; }))
+      << "the clock is published, but stands still";
   listen("image_raw");
   ASSERT_TRUE(waitForFrames(kFrames));
   const auto path_is_whole = [&path] {
@@ -404,7 +407,7 @@ void expectRefused(const std::map<std::string, XmlRpc::XmlRpcValue>& values,
   ADD_FAILURE() << "was not refused: " << words.front();
 }
 
-TEST(ParametersTest, TakesWorldAndCamera) {
+TEST(ParametersTest, SetsWorldAndCamera) {
   const SyntheticStereoParameters parameters = parseSyntheticStereoParameters(
       makeTree({{"scene", "indoor"}, {"noise", 3}, {"frames", 7}, {"left_frame_id", "cam0"}}));
   EXPECT_EQ(parameters.world.scene, "indoor");
@@ -433,7 +436,7 @@ TEST(ParametersTest, NamesContradictions) {
 }  // namespace
 }  // namespace point_line_odometry
 
-/// With simulated time the process must be told before it begins.
+/// use_sim_time must be set before the process starts.
 int main(int argc, char** argv) {
   ::testing::InitGoogleTest(&argc, argv);
   ros::init(argc, argv, "synthetic_stereo_test");

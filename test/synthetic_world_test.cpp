@@ -1,4 +1,5 @@
-#include "point_line_odometry/synthetic_world.h"
+
+#include "world/synthetic_world.h"
 
 #include <gtest/gtest.h>
 
@@ -6,6 +7,7 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <tuple>
 
 #include "world/sensor.h"
 
@@ -37,7 +39,7 @@ TEST_P(EveryScene, SameOptionsGiveTheSameBytesInAnyOrder) {
   EXPECT_EQ(difference(late.right, again.right), 0.0);
 }
 
-TEST_P(EveryScene, SeedsAreWorldsOfTheirOwn) {
+TEST_P(EveryScene, SeedsGiveDifferentWorlds) {
   const cv::Mat a = SyntheticWorld(quiet(GetParam(), 1)).render(0).left;
   const cv::Mat b = SyntheticWorld(quiet(GetParam(), 2)).render(0).left;
   EXPECT_GT(cv::norm(a, b, cv::NORM_L1) / static_cast<double>(a.total()), 5.0);
@@ -107,7 +109,7 @@ TEST(SyntheticWorld, IndoorImagesAreRawAndTheStreetIsRectified) {
               0.0001);
 }
 
-// The pair is what the calibration says: corners have the same row in both images.
+// The pair agrees with its calibration: the vertical disparity of corners is 0.
 TEST(SyntheticWorld, RowsOfTheRectifiedPairCorrespond) {
   const SyntheticWorld world(quiet("indoor"));
   const StereoRectifier rectifier(world.calibration());
@@ -200,6 +202,40 @@ TEST(SyntheticWorld, OpenCountryHasFewEdges) {
   }
 }
 
+/// What is not masked is the same scene as without the bonnet; what is masked is at rest, but for
+/// what it reflects, and is a surface in front of both cameras.
+TEST(SyntheticWorld, TheBonnetIsWhereItsMasksSay) {
+  for (const char* scene : {"street", "corridor"}) {
+    SyntheticWorldOptions options;
+    options.scene = scene;
+    options.noise = 0.0;
+    const StereoImages plain = SyntheticWorld(options).render(5);
+    EXPECT_TRUE(plain.left_mask.empty());
+    options.bonnet = 1.0;
+    const SyntheticWorld world(options);
+    const StereoImages images = world.render(5);
+    const StereoImages later = world.render(25);
+    for (const auto& [image, clear, other, mask] :
+         {std::tie(images.left, plain.left, later.left, images.left_mask),
+          std::tie(images.right, plain.right, later.right, images.right_mask)}) {
+      ASSERT_EQ(mask.size(), image.size());
+      const double share = 1.0 - cv::countNonZero(mask) / static_cast<double>(mask.total());
+      EXPECT_GT(share, 0.05) << scene;
+      EXPECT_LT(share, 0.5) << scene;
+      cv::Mat difference;
+      cv::absdiff(image, clear, difference);
+      EXPECT_LE(cv::norm(difference, cv::NORM_INF, mask), 1.0) << scene;
+      EXPECT_GT(cv::mean(difference, mask == 0)[0], 10.0) << scene;
+      cv::absdiff(image, other, difference);
+      EXPECT_LT(cv::mean(difference, mask == 0)[0], 0.5 * cv::mean(difference, mask)[0]) << scene;
+      cv::Scalar mean;
+      cv::Scalar deviation;
+      cv::meanStdDev(image, mean, deviation, mask == 0);
+      EXPECT_GT(deviation[0], 15.0) << "no texture: " << scene;
+    }
+  }
+}
+
 TEST(SyntheticWorld, MotionBlurSmearsAlongTheMotion) {
   SyntheticWorldOptions options = quiet("street");
   options.lens_blur_px = 0.0;
@@ -236,7 +272,7 @@ TEST(SyntheticWorld, AllWrongOptionsAreNamed) {
 
 cv::Mat evenLight(float value) { return cv::Mat(120, 160, CV_32FC1, cv::Scalar(value)); }
 
-TEST(Sensor, NoiseHasTheDeviationAskedForAndAMeanOfZero) {
+TEST(Sensor, NoiseHasTheGivenDeviationAndAMeanOfZero) {
   world::Sensor sensor;
   sensor.vignetting = 0.0;
   sensor.noise = 4.0;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Parts of scripts/demo that need no roscore: arguments, figures, table, pictures, problems."""
+"""Parts of scripts/demo that need no roscore: arguments, figures, table, images, problems."""
 
 import json
 import os
@@ -121,9 +121,9 @@ class ReportTest(FolderTest):
         self.assertEqual(dict(zip(heading, row))["t_rel"], "")
 
     def test_colours_are_red_green_blue(self):
-        picture = report.read_recording(self.record(2)).picture
-        self.assertEqual(picture.shape, (40, 60, 3))
-        self.assertEqual(picture[0, 0].tolist(), [0, 0, 255])
+        image = report.read_recording(self.record(2)).image
+        self.assertEqual(image.shape, (40, 60, 3))
+        self.assertEqual(image[0, 0].tolist(), [0, 0, 255])
 
     def test_table_has_a_column_for_a_scene(self):
         scene = self.report(30)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""The doctor as its users meet it: the tool on bags and on a live synthetic camera, and the report of
-the nodelet. Healthy, and with the faults that keep the odometry silent."""
+"""The doctor from its users' view: the tool on bags and on a live synthetic camera, and the report of
+the nodelet. With a good input, and with faults that keep the odometry from working."""
 
 import os
 import re
@@ -22,11 +22,12 @@ LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_in
 SUBJECTS = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
             "images", "calibration", "baseline", "rectification", "disparity", "tf", "speed",
             "clock"]
+SUBJECTS_WITH_IMU = SUBJECTS[:-2] + ["imu"] + SUBJECTS[-2:]
 LIVE_S = 60.0
 
 
 def parse(report):
-    """Subject: (level, text with the cure)."""
+    """Subject: (level, text with the hint)."""
     lines = {}
     for row in report.splitlines():
         match = LINE.match(row)
@@ -40,10 +41,12 @@ def parse(report):
 
 
 class ReportChecks:
+    subjects = SUBJECTS
+
     def check(self, report, failed):
         """failed: {subject: (level, words, ...)}; all other lines must not have failed."""
         lines = parse(report)
-        self.assertEqual(list(lines), SUBJECTS, report)
+        self.assertEqual(list(lines), self.subjects, report)
         for subject, (level, text) in lines.items():
             if subject not in failed:
                 self.assertIn(level, ("ok", "?"), subject + ": " + text)
@@ -51,11 +54,13 @@ class ReportChecks:
             self.assertEqual(level, failed[subject][0], subject + ": " + text)
             for words in failed[subject][1:]:
                 self.assertIn(words, text)
-            self.assertIn(" -> ", text, "a failed line has a cure")
+            self.assertIn(" -> ", text, "a failed line has a hint")
 
 
 class BagTest(unittest.TestCase, ReportChecks):
     """On a bag of dataset_to_bag: a drive through the built-in street."""
+
+    subjects = SUBJECTS_WITH_IMU
 
     @classmethod
     def setUpClass(cls):
@@ -65,7 +70,7 @@ class BagTest(unittest.TestCase, ReportChecks):
         run("dataset_to_bag", "synthetic:street,frames=6", cls.made, "--quiet").check_returncode()
 
     def make_bag(self, change):
-        """The bag with what change(topic, message) makes of each message, (topic, message)s."""
+        """The bag with each message replaced by the list change(topic, message)."""
         changed = os.path.join(self.folder, "changed.bag")
         with rosbag.Bag(self.made) as source, rosbag.Bag(changed, "w") as target:
             for topic, message, stamp in source.read_messages():
@@ -73,7 +78,7 @@ class BagTest(unittest.TestCase, ReportChecks):
                     target.write(new_topic, new_message, stamp)
         return changed
 
-    def examine(self, bag, failed, *options):
+    def check_bag(self, bag, failed, *options):
         result = run("doctor", bag, *options)
         self.assertEqual(result.stderr, "")
         self.check(result.stdout, failed)
@@ -81,7 +86,7 @@ class BagTest(unittest.TestCase, ReportChecks):
         return parse(result.stdout)
 
     def test_healthy(self):
-        lines = self.examine(self.made, {})
+        lines = self.check_bag(self.made, {})
         self.assertEqual({level for level, _ in lines.values()}, {"ok"})
         self.assertIn("6 messages, 10.0 Hz", lines["left image"][1])
         self.assertIn("1241 x 376 mono8", lines["images"][1])
@@ -92,9 +97,9 @@ class BagTest(unittest.TestCase, ReportChecks):
             other = {"left": "right", "right": "left"}
             parts = topic.split("/")
             if parts[1] == "stereo":
-                parts[2] = other[parts[2]]
+                parts[2] = other.get(parts[2], parts[2])  # not that of the IMU
             return [("/".join(parts), message)]
-        self.examine(self.make_bag(swap), {
+        self.check_bag(self.make_bag(swap), {
             "calibration": ("ERROR", "swapped", "exchange"),
             "disparity": ("ERROR", "left and right cameras are swapped", "exchange"),
         })
@@ -104,7 +109,7 @@ class BagTest(unittest.TestCase, ReportChecks):
             other = {"/stereo/left/image_rect": "/stereo/right/image_rect",
                      "/stereo/right/image_rect": "/stereo/left/image_rect"}
             return [(other.get(topic, topic), message)]
-        self.examine(self.make_bag(swap), {"disparity": ("ERROR", "swapped")})
+        self.check_bag(self.make_bag(swap), {"disparity": ("ERROR", "swapped")})
 
     def test_missing_topics(self):
         for side, kind in (("left", "image_rect"), ("right", "image_rect"),
@@ -114,7 +119,7 @@ class BagTest(unittest.TestCase, ReportChecks):
                 bag = self.make_bag(lambda topic, message, missing=missing:
                                     [(topic, message)] if topic != missing else [])
                 subject = side + (" image" if kind == "image_rect" else " camera_info")
-                self.examine(bag, {subject: ("ERROR", "nothing arrives on " + missing)})
+                self.check_bag(bag, {subject: ("ERROR", "nothing arrives on " + missing)})
 
     def test_unsynchronised_stamps(self):
         def delay(topic, message):
@@ -122,20 +127,20 @@ class BagTest(unittest.TestCase, ReportChecks):
                 message.header.stamp += genpy.Duration(0.012)
             return [(topic, message)]
         bag = self.make_bag(delay)
-        self.examine(bag, {"stamps": ("ERROR", "differ by 12.0 ms", "approximate_sync to true")})
-        self.examine(bag, {}, "--approximate-sync", "0.02")
-        self.examine(bag, {"stamps": ("ERROR", "12.0 ms", "raise approximate_sync_max_interval_s")},
+        self.check_bag(bag, {"stamps": ("ERROR", "differ by 12.0 ms", "approximate_sync to true")})
+        self.check_bag(bag, {}, "--approximate-sync", "0.02")
+        self.check_bag(bag, {"stamps": ("ERROR", "12.0 ms", "raise approximate_sync_max_interval_s")},
                      "--approximate-sync", "0.005")
 
-    def test_rows_that_differ(self):
+    def test_vertical_disparity(self):
         def shift(topic, message):
             if topic == "/stereo/right/image_rect":
                 rows = 5 * message.step
                 message.data = message.data[-rows:] + message.data[:-rows]
             return [(topic, message)]
-        lines = self.examine(self.make_bag(shift), {
+        lines = self.check_bag(self.make_bag(shift), {
             "rectification": ("WARN", "images are not rectified", "set rectify")})
-        apart = float(re.search(r"lie ([\d.]+) px", lines["rectification"][1]).group(1))
+        apart = float(re.search(r"points is ([\d.]+) px", lines["rectification"][1]).group(1))
         self.assertAlmostEqual(apart, 5.0, delta=0.2)
 
     def test_blank_images(self):
@@ -143,21 +148,21 @@ class BagTest(unittest.TestCase, ReportChecks):
             if topic == "/stereo/left/image_rect":
                 message.data = bytes(len(message.data))
             return [(topic, message)]
-        self.examine(self.make_bag(blank), {"images": ("WARN", "left image shows hardly", "lens")})
+        self.check_bag(self.make_bag(blank), {"images": ("WARN", "left image has hardly", "lens")})
 
     def test_bad_calibration(self):
         def spoil(topic, message):
             if topic == "/stereo/right/camera_info":
                 message.P = [0.0] * 12
             return [(topic, message)]
-        self.examine(self.make_bag(spoil), {
+        self.check_bag(self.make_bag(spoil), {
             "calibration": ("ERROR", "right/camera_info: P is all zero", "camera_calibration")})
 
     def test_missing_transform(self):
         bag = self.make_bag(lambda topic, message: [(topic, message)] if "tf" not in topic else [])
-        self.examine(bag, {"tf": ("WARN", "no transform from base_link to left_camera",
+        self.check_bag(bag, {"tf": ("WARN", "no transform from base_link to left_camera",
                                   "static_transform_publisher")})
-        self.examine(bag, {}, "--base-frame", "left_camera")
+        self.check_bag(bag, {}, "--base-frame", "left_camera")
 
     def test_rectify_before_the_bag(self):
         raw = os.path.join(self.folder, "raw.bag")
@@ -176,9 +181,9 @@ class BagTest(unittest.TestCase, ReportChecks):
     def test_other_names(self):
         bag = self.make_bag(lambda topic, message:
                             [(topic.replace("/stereo/", "/pair/"), message)])
-        self.examine(bag, {})
+        self.check_bag(bag, {})
 
-    def test_what_cannot_be_examined(self):
+    def test_what_cannot_be_checked(self):
         none = os.path.join(self.folder, "none.bag")
         for words, *arguments in (("cannot be read", none), ("--seconds", none, "--seconds", "0"),
                                   ("--approximate-sync", none, "--approximate-sync", "7"),
@@ -187,6 +192,74 @@ class BagTest(unittest.TestCase, ReportChecks):
             self.assertEqual((result.returncode, result.stdout), (2, ""))
             self.assertIn(words, result.stderr)
         self.assertIn("Exit code", run("doctor", "--help").stdout)
+
+
+class ImuBagTest(unittest.TestCase, ReportChecks):
+    """On a bag of a flight through the built-in rooms, whose IMU is changed."""
+
+    subjects = SUBJECTS_WITH_IMU
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        cls.made = os.path.join(cls.folder, "made.bag")
+        run("dataset_to_bag", "synthetic:indoor,seed=3,frames=70", cls.made,
+            "--quiet").check_returncode()
+
+    def line_of(self, change):
+        """The line on the IMU, with change(message) of its samples; all others are well."""
+        changed = os.path.join(self.folder, "changed.bag")
+        with rosbag.Bag(self.made) as source, rosbag.Bag(changed, "w") as target:
+            for topic, message, stamp in source.read_messages():
+                if topic == "/stereo/imu":
+                    change(message)
+                target.write(topic, message, stamp)
+        result = run("doctor", changed)
+        lines = parse(result.stdout)
+        self.assertEqual(list(lines), self.subjects, result.stdout)
+        for subject in set(lines) - {"imu", "speed"}:
+            self.assertEqual(lines[subject][0], "ok", result.stdout)
+        return lines["imu"]
+
+    def test_right_axes(self):
+        level, text = self.line_of(lambda message: None)
+        self.assertEqual(level, "ok", text)
+        self.assertIn("rates fit the images", text)
+        self.assertIn("200.0 Hz", text)
+
+    def test_axes_turned_by_90_degrees(self):
+        def turn(message):
+            for vector in (message.angular_velocity, message.linear_acceleration):
+                vector.x, vector.y, vector.z = -vector.y, vector.x, vector.z
+        level, text = self.line_of(turn)
+        self.assertEqual(level, "WARN", text)
+        self.assertIn("x = -y, y = x, z = z", text)
+        self.assertIn("yaw -1.5708 pitch 0.0000 roll 0.0000", text.replace("-0.0000", "0.0000"))
+
+    def test_axes_of_another_convention(self):
+        def turn(message):  # x forward instead of z forward
+            vector = message.angular_velocity
+            vector.x, vector.y, vector.z = vector.z, -vector.x, -vector.y
+        level, text = self.line_of(turn)
+        self.assertEqual(level, "WARN", text)
+        self.assertIn("x = z, y = -x, z = -y", text)
+
+    def test_stamps_of_another_clock(self):
+        def delay(message):
+            message.header.stamp += genpy.Duration.from_sec(0.15)
+        level, text = self.line_of(delay)
+        self.assertEqual(level, "WARN", text)
+        self.assertRegex(text, "its stamps are 1[456][0-9] ms later")
+
+    def test_saturated(self):
+        def clip(message):
+            vector = message.angular_velocity
+            vector.x, vector.y, vector.z = (max(-1.5, min(1.5, 10.0 * value))
+                                            for value in (vector.x, vector.y, vector.z))
+        level, text = self.line_of(clip)
+        self.assertEqual(level, "WARN", text)
+        self.assertIn("saturated", text)
 
 
 class LiveTest(unittest.TestCase, ReportChecks):
@@ -211,13 +284,13 @@ class LiveTest(unittest.TestCase, ReportChecks):
                               env=cls.system.environment, stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE, universal_newlines=True, timeout=LIVE_S)
 
-    def examine(self, failed, *arguments):
+    def check_live(self, failed, *arguments):
         result = self.doctor(*arguments)
         self.check(result.stdout, failed)
         self.assertEqual(result.returncode, 1 if failed else 0, result.stdout + result.stderr)
 
     def run_node(self, ns="stereo", player=None):
-        """The odometry's node for a while; returns its log, what its topic doctor said, and
+        """The odometry's node for a while; returns its log, the messages of its topic doctor, and
         its last status of each kind."""
         record = os.path.join(self.folder, "doctor.bag")
         recorder = self.system.start(
@@ -242,24 +315,24 @@ class LiveTest(unittest.TestCase, ReportChecks):
         return self.system.log("node"), reports, diagnostics
 
     def test_healthy(self):
-        self.examine({})
+        self.check_live({})
 
     def test_swapped_topics(self):
         swap = [f"{a}/{name}:={b}/{name}" for a, b in (("left", "right"), ("right", "left"))
                 for name in ("image_rect", "camera_info")]
         swap = ["/stereo/" + s.replace(":=", ":=/stereo/") for s in swap]
-        self.examine({"calibration": ("ERROR", "swapped"), "disparity": ("ERROR", "swapped")},
+        self.check_live({"calibration": ("ERROR", "swapped"), "disparity": ("ERROR", "swapped")},
                      *swap)
 
     def test_missing_topics(self):
-        self.examine({"left image": ("ERROR", "/stereo/left/image_raw", "set rectify to false"),
+        self.check_live({"left image": ("ERROR", "/stereo/left/image_raw", "set rectify to false"),
                       "right image": ("ERROR", "/stereo/right/image_raw", "set rectify to false")},
                      "--rectify")
         nothing = "nothing arrives on /elsewhere/"
-        self.examine({subject: ("ERROR", nothing) for subject in SUBJECTS[:4]}, "--ns", "elsewhere")
+        self.check_live({subject: ("ERROR", nothing) for subject in SUBJECTS[:4]}, "--ns", "elsewhere")
 
     def test_missing_transform(self):
-        self.examine({"tf": ("ERROR", "no transform from robot to left_camera")},
+        self.check_live({"tf": ("ERROR", "no transform from robot to left_camera")},
                      "--base-frame", "robot")
 
     def test_nodelet_reports_that_all_is_well(self):
@@ -272,12 +345,12 @@ class LiveTest(unittest.TestCase, ReportChecks):
         values = {value.key: value.value for name in ("input", "calibration")
                   for value in diagnostics[name].values}
         for key in ("left image rate [1/s]", "skew of left and right [ms]", "baseline [m]",
-                    "row distance of matched points [px]", "disparity [px]",
+                    "vertical disparity, absolute [px]", "disparity [px]",
                     "time per frame [ms]"):
             self.assertIn(key, values)
-        self.assertLess(float(values["row distance of matched points [px]"]), 0.5)
+        self.assertLess(float(values["vertical disparity, absolute [px]"]), 0.5)
 
-    def test_nodelet_says_that_nothing_arrives_and_comes_back(self):
+    def test_nodelet_reports_that_nothing_arrives_and_recovers(self):
         os.kill(self.camera.pid, signal.SIGSTOP)
         self.addCleanup(os.kill, self.camera.pid, signal.SIGCONT)
         resume = subprocess.Popen(["bash", "-c", f"sleep 7; kill -CONT {self.camera.pid}"])
@@ -291,7 +364,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
         self.assertEqual(first.status[5].level, 3, "images are not known yet")
         self.assertEqual([status.level for status in last.status[:2]], [0, 0], log)
 
-    def test_nodelet_warns_of_rows_that_differ(self):
+    def test_nodelet_warns_of_vertical_disparity(self):
         made, shifted = (os.path.join(self.folder, name) for name in ("made.bag", "shifted.bag"))
         result = run("dataset_to_bag", "synthetic:street,frames=20", made, "--namespace", "shifted",
                      "--quiet")
@@ -305,7 +378,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
             "shifted", ["rosbag", "play", "-q", "-r", "0.3", shifted])
         calibration = diagnostics["calibration"]
         self.assertGreaterEqual(calibration.level, 1, calibration)
-        match = re.search(r"images are not rectified: matched points lie ([\d.]+) px apart",
+        match = re.search(r"images are not rectified: vertical disparity of matched points is ([\d.]+) px",
                           calibration.message)
         self.assertIsNotNone(match, calibration)
         self.assertAlmostEqual(float(match.group(1)), 4.0, delta=0.3)

@@ -20,7 +20,7 @@ LENGTHS_M = [5.0, 10.0, 20.0, 50.0] + [100.0 * k for k in range(1, 9)]
 
 
 def load_script():
-    """The script as a module, without leaving compiled files beside it."""
+    """The script as a module, without leaving compiled files next to it."""
     sys.dont_write_bytecode = True
     loader = importlib.machinery.SourceFileLoader('evaluate_trajectory', SCRIPT)
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
@@ -124,15 +124,15 @@ class FileTest(unittest.TestCase):
 
 
 class GoldenValues(unittest.TestCase):
-    """Published results of KITTI 00, scored by others."""
+    """Published results of KITTI 00, evaluated by others."""
 
     def check(self, name, t_rel, r_rel, ate):
         folder = os.path.join(DATA, 'trajectories')
-        truth = os.path.join(folder, 'kitti_00_groundtruth.txt')
-        if not os.path.isfile(truth):
+        ground_truth = os.path.join(folder, 'kitti_00_groundtruth.txt')
+        if not os.path.isfile(ground_truth):
             self.skipTest('no trajectories in the data folder; set POINT_LINE_ODOMETRY_DATA')
         estimate = os.path.join(folder, name)
-        matches = ev.match(ev.read_trajectory(truth), ev.read_trajectory(estimate))
+        matches = ev.match(ev.read_trajectory(ground_truth), ev.read_trajectory(estimate))
         result = ev.evaluate(matches, LENGTHS_M)
         self.assertEqual(f'{result["kitti"]["t_rel_percent"]:.3f}', t_rel)
         self.assertEqual(f'{result["kitti"]["r_rel_deg_per_100m"]:.3f}', r_rel)
@@ -144,13 +144,13 @@ class GoldenValues(unittest.TestCase):
     def test_s_ptam(self):
         self.check('kitti_00_s_ptam.txt', '1.487', '0.558', '3.738488')
 
-    def test_euroc_body_truth_agrees_with_the_camera_truth(self):
+    def test_euroc_body_ground_truth_agrees_with_that_of_the_camera(self):
         folder = os.path.join(DATA, 'euroc_MH_01_000-099')
-        truth = os.path.join(folder, 'mav0', 'state_groundtruth_estimate0', 'data.csv')
-        if not os.path.isfile(truth):
+        ground_truth = os.path.join(folder, 'mav0', 'state_groundtruth_estimate0', 'data.csv')
+        if not os.path.isfile(ground_truth):
             self.skipTest('no EuRoC piece in the data folder; set POINT_LINE_ODOMETRY_DATA')
         camera = os.path.join(folder, 'groundtruth_cam0.tum')
-        options = ev.parse_arguments(['--groundtruth', truth, '--estimate', camera])
+        options = ev.parse_arguments(['--groundtruth', ground_truth, '--estimate', camera])
         _, result = ev.run(options)
         self.assertEqual(result['matched_frames'], 100)
         self.assertLess(result['ate_m']['max'], 1e-6)
@@ -158,7 +158,7 @@ class GoldenValues(unittest.TestCase):
 
 
 class KnownErrors(unittest.TestCase):
-    """Hand-made trajectories whose figures are known."""
+    """Trajectories with known errors."""
 
     def test_identical(self):
         poses = winding_path(400, seed=1)
@@ -170,9 +170,9 @@ class KnownErrors(unittest.TestCase):
 
     def test_scale_error_of_one_percent(self):
         step_m = 0.5 * (1 + 1e-9)  # 200 steps are just longer than 100 m
-        truth = straight_line(2001, step_m)
+        ground_truth = straight_line(2001, step_m)
         estimate = straight_line(2001, 1.01 * step_m)
-        result = ev.evaluate(ev.Matches(truth, estimate, ''), LENGTHS_M)
+        result = ev.evaluate(ev.Matches(ground_truth, estimate, ''), LENGTHS_M)
         self.assertAlmostEqual(result['kitti']['t_rel_percent'], 1.0, places=6)
         self.assertAlmostEqual(result['short']['t_rel_percent'], 1.0, places=6)
         self.assertEqual(result['kitti']['r_rel_deg_per_100m'], 0.0)
@@ -185,8 +185,9 @@ class KnownErrors(unittest.TestCase):
         self.assertAlmostEqual(result['ate_m']['rmse'], 5 / np.sqrt(3), delta=0.002)
 
     def test_segment_ends_at_the_first_frame_beyond_its_length(self):
-        truth, estimate = straight_line(102, 1.0), straight_line(102, 1.01)
-        errors = ev.segment_errors(ev.Matches(truth, estimate, ''), 100.0, 1, ev.rotation_angles)
+        ground_truth, estimate = straight_line(102, 1.0), straight_line(102, 1.01)
+        errors = ev.segment_errors(ev.Matches(ground_truth, estimate, ''), 100.0, 1,
+                                   ev.rotation_angles)
         self.assertEqual(len(errors), 1)  # 0 -> 101: frame 100 is exactly 100 m away, not beyond
         self.assertAlmostEqual(errors[0, 0], 1.01, places=9)
 
@@ -201,14 +202,14 @@ class KnownErrors(unittest.TestCase):
 
     def test_constant_yaw_drift(self):
         drift_deg = 0.01  # per frame of 1 m: 1 deg/100 m
-        truth = straight_line(1001, 1.0)
+        ground_truth = straight_line(1001, 1.0)
         estimate = [np.eye(4)]
         step = np.eye(4)
         step[:3, :3] = rotation(1, np.radians(drift_deg))
         step[2, 3] = 1.0
         for _ in range(1000):
             estimate.append(estimate[-1] @ step)
-        matches = ev.Matches(truth, np.array(estimate), '')
+        matches = ev.Matches(ground_truth, np.array(estimate), '')
         result = ev.evaluate(matches, LENGTHS_M)
         self.assertAlmostEqual(result['per_frame']['rotation_rmse_deg'], drift_deg, places=9)
         self.assertLess(result['per_frame']['translation_rmse_m'], 1e-9)
@@ -222,18 +223,18 @@ class KnownErrors(unittest.TestCase):
         self.assertAlmostEqual(result['end_error']['m'], abs(end - 1000), places=6)
 
     def test_absolute_error_ignores_a_rigid_transform(self):
-        truth = winding_path(300, seed=2)
-        estimate = truth.copy()
+        ground_truth = winding_path(300, seed=2)
+        estimate = ground_truth.copy()
         estimate[:, :3, 3] += np.random.RandomState(3).normal(0, 0.1, (300, 3))
-        expected = ev.absolute_errors(ev.Matches(truth, estimate, ''))
+        expected = ev.absolute_errors(ev.Matches(ground_truth, estimate, ''))
         for seed in range(5):
             T = rigid(seed)
-            np.testing.assert_allclose(ev.absolute_errors(ev.Matches(T @ truth, estimate, '')),
+            np.testing.assert_allclose(ev.absolute_errors(ev.Matches(T @ ground_truth, estimate, '')),
                                        expected, atol=1e-9)
-            np.testing.assert_allclose(ev.absolute_errors(ev.Matches(truth, T @ estimate, '')),
+            np.testing.assert_allclose(ev.absolute_errors(ev.Matches(ground_truth, T @ estimate, '')),
                                        expected, atol=1e-9)
-            moved = ev.align_first(ev.Matches(truth, T @ estimate, ''))
-            np.testing.assert_allclose(moved, ev.align_first(ev.Matches(truth, estimate, '')),
+            moved = ev.align_first(ev.Matches(ground_truth, T @ estimate, ''))
+            np.testing.assert_allclose(moved, ev.align_first(ev.Matches(ground_truth, estimate, '')),
                                        atol=1e-9)
 
     def test_alignment_does_not_scale_or_mirror(self):
@@ -243,7 +244,7 @@ class KnownErrors(unittest.TestCase):
         T = ev.align_rigid(points, 2 * points + [1, 2, 3])
         np.testing.assert_allclose(T[:3, :3], np.eye(3), atol=1e-12)
 
-    def test_standing_still(self):
+    def test_stationary(self):
         poses = straight_line(5, 0.0)
         result = ev.evaluate(ev.Matches(poses, poses, ''), LENGTHS_M)
         self.assertEqual(result['path_length_m'], 0.0)
@@ -282,55 +283,56 @@ class Formats(FileTest):
         files = {'TUM': self.write('a.txt', tum_text(self.poses, self.stamps)),
                  'KITTI': self.write('b.txt', kitti_text(self.poses)),
                  'EuRoC': self.write('c.csv', euroc_text(self.poses, self.stamps))}
-        for truth in files:
+        for ground_truth in files:
             for estimate in files:
                 for extra in ([], ['--times', times]):
-                    if extra and 'KITTI' not in (truth, estimate):
+                    if extra and 'KITTI' not in (ground_truth, estimate):
                         continue
-                    options = ev.parse_arguments(['--groundtruth', files[truth], '--estimate',
+                    options = ev.parse_arguments(['--groundtruth', files[ground_truth], '--estimate',
                                                   files[estimate]] + extra)
                     _, result = ev.run(options)
-                    self.assertEqual(result['matched_frames'], 40, (truth, estimate))
-                    self.assertLess(result['ate_m']['max'], 1e-9, (truth, estimate))
+                    self.assertEqual(result['matched_frames'], 40, (ground_truth, estimate))
+                    self.assertLess(result['ate_m']['max'], 1e-9, (ground_truth, estimate))
 
     def test_times_select_the_frames_of_a_shorter_estimate(self):
         times = self.write('times.txt', ''.join(f'{stamp:.9f}\n' for stamp in self.stamps))
-        truth = self.write('truth.txt', kitti_text(self.poses))
+        ground_truth = self.write('truth.txt', kitti_text(self.poses))
         estimate = self.write('estimate.txt', tum_text(self.poses[7:30], self.stamps[7:30]))
         matches, result = ev.run(ev.parse_arguments(
-            ['--groundtruth', truth, '--estimate', estimate, '--times', times]))
-        np.testing.assert_allclose(matches.truth, self.poses[7:30], atol=1e-9)
+            ['--groundtruth', ground_truth, '--estimate', estimate, '--times', times]))
+        np.testing.assert_allclose(matches.ground_truth, self.poses[7:30], atol=1e-9)
         self.assertEqual(result['matching'], 'by stamp: 23 same stamp')
 
-    def match(self, truth_stamps, truth_poses, stamps, poses):
-        return ev.match(ev.Trajectory('t', 'TUM', np.asarray(truth_stamps, float), truth_poses),
+    def match(self, ground_truth_stamps, ground_truth_poses, stamps, poses):
+        return ev.match(ev.Trajectory('t', 'TUM', np.asarray(ground_truth_stamps, float),
+                                      ground_truth_poses),
                         ev.Trajectory('e', 'TUM', np.asarray(stamps, float), poses))
 
-    def test_dense_truth_is_interpolated(self):
+    def test_dense_ground_truth_is_interpolated(self):
         # Constant turn rate and speed: linear position and slerp are exact.
         def poses_at(times):
             R = np.array([rotation(1, 0.3 * time) for time in times])
             return ev.make_poses(R, np.outer(times, [1.0, 2.0, 3.0]))
         dense, sparse = np.arange(0, 4, 0.03), np.arange(0.5, 3.5, 0.1)
         matches = self.match(dense, poses_at(dense), sparse, poses_at(sparse))
-        self.assertEqual(len(matches.truth), len(sparse))
-        np.testing.assert_allclose(matches.truth, poses_at(sparse), atol=1e-9)
+        self.assertEqual(len(matches.ground_truth), len(sparse))
+        np.testing.assert_allclose(matches.ground_truth, poses_at(sparse), atol=1e-9)
 
-    def test_sparse_truth_is_matched_to_the_nearest_frame_once(self):
+    def test_sparse_ground_truth_is_matched_to_the_nearest_frame_once(self):
         wanted = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1.02, 1.1, 1.2])
         estimate = straight_line(2, 1.0)[[0] * len(wanted)]
         estimate[:, 2, 3] = wanted
         matches = self.match([0.01, 1.0, 2.0], straight_line(3, 1.0), wanted, estimate)
         self.assertEqual(matches.method, 'by stamp: 2 nearest')
-        np.testing.assert_allclose(matches.truth[:, 2, 3], [0, 1])
+        np.testing.assert_allclose(matches.ground_truth[:, 2, 3], [0, 1])
         np.testing.assert_allclose(matches.estimate[:, 2, 3], [0, 1.02])
 
-    def test_frames_outside_the_truth_or_in_its_gap_are_left_out(self):
+    def test_frames_outside_the_ground_truth_or_in_its_gap_are_left_out(self):
         known = np.concatenate([np.arange(10, 20), np.arange(30, 40)])
-        truth = straight_line(50, 1.0)[known]
-        matches = self.match(known, truth, np.arange(0, 50) + 0.0, straight_line(50, 1.0))
+        ground_truth = straight_line(50, 1.0)[known]
+        matches = self.match(known, ground_truth, np.arange(0, 50) + 0.0, straight_line(50, 1.0))
         np.testing.assert_allclose(matches.estimate[:, 2, 3], known)
-        np.testing.assert_allclose(matches.truth[:, 2, 3], known)
+        np.testing.assert_allclose(matches.ground_truth[:, 2, 3], known)
 
     def test_body_to_camera(self):
         T_body_camera = rigid(8)
@@ -341,11 +343,12 @@ class Formats(FileTest):
         body = self.write('mav0/state_groundtruth_estimate0/data.csv', body_text)
         yaml = self.write('mav0/cam0/sensor.yaml', sensor)
         moved = self.write('elsewhere.csv', body_text)
-        for truth, extra, exact in ((body, [], True), (body, ['--body-to-camera', 'none'], False),
+        for ground_truth, extra, exact in ((body, [], True),
+                                           (body, ['--body-to-camera', 'none'], False),
                                     (moved, [], False), (moved, ['--body-to-camera', yaml], True)):
             _, result = ev.run(ev.parse_arguments(
-                ['--groundtruth', truth, '--estimate', camera] + extra))
-            self.assertEqual(result['ate_m']['max'] < 1e-6, exact, (truth, extra))
+                ['--groundtruth', ground_truth, '--estimate', camera] + extra))
+            self.assertEqual(result['ate_m']['max'] < 1e-6, exact, (ground_truth, extra))
             self.assertEqual(len(result['notes']), int(exact))
 
 
@@ -358,36 +361,43 @@ class OwnUncertainty(unittest.TestCase):
         """Matches and uncertainty of noisy motions whose covariance is that of their noise, divided
         by the square of a factor."""
         random = np.random.RandomState(3)
-        truth = winding_path(self.FRAMES, 4)
+        ground_truth = winding_path(self.FRAMES, 4)
         stamps = 0.1 * np.arange(self.FRAMES)
         root = np.diag([0.01, 0.02, 0.05, 0.001, 0.002, 0.003]) @ (
             np.eye(6) + 0.3 * random.normal(size=(6, 6)))
-        motions = ev.inverse(truth[:-1]) @ truth[1:]
+        motions = ev.inverse(ground_truth[:-1]) @ ground_truth[1:]
         over_s = np.full(self.FRAMES, 0.1)
         twist = np.zeros((self.FRAMES, 6))
         twist[1:] = (ev.mean_velocities(motions, over_s[1:])
                      + random.normal(size=(self.FRAMES - 1, 6)) @ root.T / 0.1)
         covariance = root @ root.T / 0.01 / twist_factor ** 2
         rigid_pose = rigid(5)
-        matches = ev.Matches(rigid_pose @ truth, truth, '', stamps)
+        matches = ev.Matches(rigid_pose @ ground_truth, ground_truth, '', stamps)
         states = ['initializing'] + [state] * (self.FRAMES - 1)
         return matches, ev.Uncertainty(stamps, states, over_s, twist,
                                        np.tile(covariance, (self.FRAMES, 1, 1)),
                                        np.tile(np.eye(6), (self.FRAMES, 1, 1)))
 
-    def test_true_covariances(self):
+    def test_correct_covariances(self):
         result = ev.evaluate_uncertainty(*self.uncertainty())
         self.assertEqual(result['motion']['frames'], self.FRAMES - 1)
         self.assertAlmostEqual(result['motion']['rms_sigma'], 1.0, delta=0.05)
         self.assertEqual(result['motion']['beyond_6_sigma'], 0)
         self.assertLess(result['pose']['max_sigma'], 1e-6)  # whatever the worlds are
 
-    def test_covariances_that_promise_too_much(self):
+    def test_covariances_that_are_too_small(self):
         result = ev.evaluate_uncertainty(*self.uncertainty(5.0))['motion']
         self.assertAlmostEqual(result['rms_sigma'], 5.0, delta=0.25)
         self.assertGreater(result['beyond_6_sigma'], 100)
         self.assertGreater(result['beyond_6_sigma'], result['axis_beyond_6_sigma'])
         self.assertEqual(result['worst'][0]['sigma'], result['max_sigma'])
+
+    def test_frames_without_a_velocity_do_not_count(self):
+        matches, uncertainty = self.uncertainty()
+        uncertainty.over_s[100] = 0.0
+        result = ev.evaluate_uncertainty(matches, uncertainty)['motion']
+        self.assertEqual(result['frames'], self.FRAMES - 2)
+        self.assertTrue(np.isfinite(result['max_sigma']))
 
     def test_only_frames_with_state_ok_count(self):
         result = ev.evaluate_uncertainty(*self.uncertainty(5.0, 'degraded'))
@@ -404,9 +414,9 @@ class BadInput(FileTest):
         self.tum = tum_text(self.poses, np.arange(20) * 0.1)
         self.good = self.write('good.txt', self.tum)
 
-    def refuse(self, *words, estimate=None, truth=None, extra=()):
+    def refuse(self, *words, estimate=None, ground_truth=None, extra=()):
         """Runs the script and checks that its one line of complaint has the words."""
-        process = run_script('--groundtruth', truth or self.good, '--estimate',
+        process = run_script('--groundtruth', ground_truth or self.good, '--estimate',
                              estimate or self.good, *extra)
         self.assertEqual(process.returncode, 2, process.stderr)
         self.assertEqual(process.stdout, '')
@@ -426,14 +436,15 @@ class BadInput(FileTest):
                     estimate=os.path.join(self.folder, 'missing.txt'))
         self.refuse('Is a directory', estimate=self.folder)
         self.refuse('no data', estimate=self.write('empty.txt', ''))
-        self.refuse('no data', truth=self.write('comments.txt', '# stamp\n\n'))
-        self.refuse('no data', truth=self.write('header.csv', 'timestamp,x,y\n'))
+        self.refuse('no data', ground_truth=self.write('comments.txt', '# stamp\n\n'))
+        self.refuse('no data', ground_truth=self.write('header.csv', 'timestamp,x,y\n'))
         self.refuse('words.txt:1', estimate=self.write('words.txt', 'this is no trajectory\n'))
         self.refuse('fewer than 2', estimate=self.write('one.txt', self.tum.splitlines()[1]))
 
     def test_rows(self):
         self.refuse('bad.txt:5', '7 columns', estimate=self.changed(5, lambda x: ' '.join(x[:7])))
-        self.refuse('bad.txt:6', '9 columns', truth=self.changed(6, lambda x: ' '.join(x + ['1'])))
+        self.refuse('bad.txt:6', '9 columns',
+                    ground_truth=self.changed(6, lambda x: ' '.join(x + ['1'])))
         self.refuse('bad.txt:7', 'numbers',
                     estimate=self.changed(7, lambda x: ' '.join(['a'] + x[1:])))
         for value in ('nan', 'inf', '-inf'):
@@ -487,10 +498,10 @@ class Output(FileTest):
 
     def setUp(self):
         super().setUp()
-        truth = winding_path(150, seed=7)
-        estimate = truth.copy()
+        ground_truth = winding_path(150, seed=7)
+        estimate = ground_truth.copy()
         estimate[:, :3, 3] *= 1.01
-        self.arguments = ['--groundtruth', self.write('truth.txt', kitti_text(truth)),
+        self.arguments = ['--groundtruth', self.write('truth.txt', kitti_text(ground_truth)),
                           '--estimate', self.write('estimate.txt', kitti_text(estimate))]
 
     def check_png(self, path):

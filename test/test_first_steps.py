@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""What a new user does with the README at hand: programs by rosrun from a fresh shell, launch files
-with another configuration, the node by itself, and the names that README and examples promise."""
+"""What a new user does with the documents at hand: programs by rosrun from a fresh shell, launch files
+with another configuration, the node by itself, and the names that documents and examples promise."""
 
 import os
 import re
@@ -14,18 +14,14 @@ import rospy
 import yaml
 from nav_msgs.msg import Odometry
 
+from document_fixture import blocks, read_document
 from ros_fixture import REPOSITORY, RosTest, wait_until
 from tool_fixture import find_program, make_kitti, run, write
 
 PACKAGE = "point_line_odometry"
 TOOLS = ("offline_odometry", "dataset_to_bag", "doctor", "synthetic_world", "benchmark",
-         "evaluate_trajectory")
+         "evaluate_trajectory", "report_run")
 BASE = {name: os.environ[name] for name in ("HOME", "PATH") if name in os.environ}
-
-
-def readme():
-    with open(os.path.join(REPOSITORY, "README.md"), encoding="utf-8") as file:
-        return file.read()
 
 
 def shell(script, environment):
@@ -76,11 +72,11 @@ class WorkspaceTest(unittest.TestCase):
                                universal_newlines=True).stdout
         self.assertEqual(len(found.splitlines()), 3, found)
 
-        # Again, with files that came, changed and went, and in another place.
+        # Again, with files that were added, changed and removed, and in another folder.
         package_xml = self.path("repo", ".workspace", "src", PACKAGE, "package.xml")
         before = os.stat(package_xml).st_mtime_ns
         self.link_package("repo")
-        self.assertEqual(os.stat(package_xml).st_mtime_ns, before, "it would be configured anew")
+        self.assertEqual(os.stat(package_xml).st_mtime_ns, before, "it would be configured again")
         os.remove(self.path("repo", "CMakeLists.txt"))
         write(self.path("repo", "package.xml"), "changed")
         os.mkdir(self.path("repo", "launch"))
@@ -153,8 +149,8 @@ class RunningNodeTest(RosTest):
         self.assertIn(example["world_frame"], (example["odom_frame"], example.get("map_frame")))
         self.assertEqual(len(example["odom0_config"]), 15)
 
-    def test_names_in_the_readme(self):
-        self.launch()
+    def test_names_in_the_documents(self):
+        self.launch("imu:=true", "mask_images:=both", "prior_odom:=prior_odom")
         self.start_camera("/stereo")
         self.first_message("/stereo/odom")
         master = rosgraph.Master("/test")
@@ -162,8 +158,12 @@ class RunningNodeTest(RosTest):
         has = {"pub": {name for name, _ in published}, "sub": {name for name, _ in subscribed},
                "srv": {name for name, _ in services}}
         types = dict(master.getTopicTypes())
-        rows = re.findall(r"^\| (pub|sub|srv) \| (.*?) \| (.*?) \|", readme(), re.MULTILINE)
+        rows = re.findall(r"^\| (pub|sub|srv) \| (.*?) \| (.*?) \|",
+                          read_document("doc/interface.md"), re.MULTILINE)
         self.assertGreater(len(rows), 15)
+        short = re.findall(r"^\| (in|out) \| (.*?) \|", read_document("README.md"), re.MULTILINE)
+        self.assertGreater(len(short), 5)
+        rows += [({"in": "sub", "out": "pub"}[kind], names, "") for kind, names in short]
         for kind, names, type_name in rows:
             names = re.findall("`(.*?)`", names)
             first = names[0].rpartition("/")[0]
@@ -175,11 +175,11 @@ class RunningNodeTest(RosTest):
                 if kind != "srv" and "/" in type_name:
                     self.assertEqual(types[name], type_name, name)
 
-    def test_node_by_rosrun_as_in_the_readme(self):
-        # The lines of the block, with a bag that is played beside it.
-        block = re.search(r"((?:^    .*\n)*^    .*rosrun point_line_odometry stereo_odometry.*\n)",
-                          readme(), re.MULTILINE).group(1)
-        *before, start = [line.strip() for line in block.splitlines()]
+    def test_node_by_rosrun_as_in_the_documents(self):
+        # The lines of the block, with a bag that is played meanwhile.
+        block, = (block for block in blocks("doc/interface.md", "bash")
+                  if "rosrun point_line_odometry stereo_odometry" in block)
+        *before, start = block.splitlines()
         folder = tempfile.mkdtemp(prefix="point_line_first_steps_")
         self.addCleanup(shutil.rmtree, folder)
         make_kitti(os.path.join(folder, "kitti"))

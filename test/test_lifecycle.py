@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The nodelet under load and in the hands of its manager: two at once, loaded and unloaded while
+"""The nodelet under load and in its manager: two at once, loaded and unloaded while
 images flow, told to end, reset, replayed at all speeds, paused, overloaded.
 """
 
@@ -32,15 +32,15 @@ class LifecycleTest(RosTest):
     # --- Loading and ending
 
     def test_two_instances_in_one_manager(self):
-        """Each sees its own camera and nothing of the other: one goes right, the other left."""
+        """Each uses its own camera only: one moves right, the other left."""
         manager = self.start_manager()
         listeners = {}
         for namespace in ("/one", "/two"):
             manager.load_odometry(namespace + "/odometry", {"odom_frame_id": "odom" + namespace,
                                                             "publish_tf": False})
             listeners[namespace] = self.listen(namespace)
-        self.start_camera("/one", rate_hz=10.0, place=lambda k: min(k, 90))
-        self.start_camera("/two", rate_hz=10.0, place=lambda k: max(60 - k, -30))
+        self.start_camera("/one", rate_hz=10.0, step_of=lambda k: min(k, 90))
+        self.start_camera("/two", rate_hz=10.0, step_of=lambda k: max(60 - k, -30))
         for namespace, direction in (("/one", -1.0), ("/two", 1.0)):  # right is -y of base_link
             listener = listeners[namespace]
             self.assertTrue(wait_until(
@@ -54,11 +54,13 @@ class LifecycleTest(RosTest):
         self.assertTrue(listeners["/two"].wait_for(10), "it has stopped with the other")
 
     def test_a_hundred_loads_while_images_flow(self):
-        """Nothing of the process grows, and no unloading waits for more than the frame at hand."""
-        manager = self.start_manager()
+        """The process does not grow, and unloading waits for the current frame at most."""
+        # One heap for all threads: with one for each, the process settles only after a number of loads
+        # that depends on which threads meet.
+        manager = self.start_manager(environment={"MALLOC_ARENA_MAX": "1"})
         listener = self.listen("/stereo")
         self.start_camera("/stereo", rate_hz=40.0)
-        rounds, warm_up, part = 100, 10, 20
+        rounds, warm_up, part = 110, 30, 20
         usages, unload_s = [], []
         for k in range(rounds):
             manager.load_odometry("/stereo/odometry", {"queue_size": 2})
@@ -73,9 +75,9 @@ class LifecycleTest(RosTest):
         self.assertLessEqual(lowest["threads"][1], lowest["threads"][0])
         self.assertLessEqual(lowest["files"][1], lowest["files"][0])
         per_load_kb = (lowest["rss_kb"][1] - lowest["rss_kb"][0]) / (rounds - warm_up - part)
-        # The heap settles in the first loads, by up to 21 kB a load; over 400 it is 0.8 kB. An image
-        # is 360 kB, a state of the odometry 2 MB.
-        self.assertLess(per_load_kb, 50.0, "memory grows with each load")
+        # The heap settles in the first 30 loads, by 8 MB. From there on to the 200th it stays within
+        # 0.6 MB. An image is 360 kB, a state of the odometry 2 MB.
+        self.assertLess(per_load_kb, 30.0, "memory grows with each load")
         self.assertLess(max(unload_s), 3.0)
         self.assertIsNone(manager.process.poll(), manager.log()[-3000:])
 
@@ -155,7 +157,7 @@ class LifecycleTest(RosTest):
         self.assertTrue(wait_until(lambda: sets and sets[-1] == accounted, 5.0),
                         f"{sets[-1:]} sets came, {accounted} were processed or dropped")
 
-    def test_compute_governor(self):
+    def test_adaptive_feature_budget(self):
         """A target that no computer reaches takes the features down to a fifth, no further, and
         the odometry goes on; one that every computer reaches changes nothing."""
         manager = self.start_manager()
@@ -168,6 +170,9 @@ class LifecycleTest(RosTest):
                 manager.unload("/stereo/odometry")
                 infos = listener.infos[:]
                 listener.clear()
+                # One of the instance before may have been on its way still.
+                first = [info.reason for info in infos].index("first_frame")
+                infos = infos[first:]
                 self.check_healthy(infos)
                 self.assertEqual(infos[0].feature_budget, 1.0)
                 self.assertAlmostEqual(infos[-1].feature_budget, budget)
@@ -178,7 +183,7 @@ class LifecycleTest(RosTest):
 
     def test_replay_at_all_speeds_is_the_same(self):
         """rosbag play -r 0.2, -r 5 and with a pause: the same odometry, bit for bit. In a loop it
-        starts again when the clock jumps back, without whatever frame is torn apart by the jump."""
+        is reset when the clock jumps back, without whatever frame is torn apart by the jump."""
         frames = 25
         bag = self.write_bag("replay", frames)
         manager = self.start_manager_in_simulated_time()

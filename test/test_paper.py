@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The paper's own method, config/paper.yaml: its errors on real sequences and in the built-in world
 are held to bounds, with OpenCV's line segment detector (LSD) where OpenCV has it and with
-edge_chains in its place; and which of them ran is told.
+edge_chains instead; and the detector in use is reported.
 
 Bounds are 1.3 times what was measured when they were set, which stands beside them. Programs and
 data are found as in test_tools.py; sequences that are absent are skipped.
@@ -120,7 +120,7 @@ class WithoutLsd(ToolTest):
         with open(self.path(output, "summary.json")) as file:
             return json.load(file)
 
-    def test_our_own_stands_in_its_place_and_that_is_told(self):
+    def test_our_own_replaces_it_and_that_is_reported(self):
         result = self.offline_without_lsd("instead", "--config", PAPER)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(self.summary("instead")["line_detector"], OWN)
@@ -128,7 +128,7 @@ class WithoutLsd(ToolTest):
         own = self.offline(self.kitti, "own", "--config", PAPER, "--set", f"lines/detector={OWN}")
         self.assertSameFile("trajectory.tum", self.path("instead"), own)
 
-    def test_asked_for_it_is_refused(self):
+    def test_requesting_it_is_refused(self):
         result = self.offline_without_lsd("refused", "--set", "lines/detector=lsd")
         self.assertEqual(result.returncode, 2, result.stdout)
         self.assertEqual(result.stderr.count("\n"), 1, result.stderr)

@@ -123,10 +123,10 @@ class RecordingTest(unittest.TestCase):
         result = run(*command)
         self.assertEqual(result.returncode, 0, result.stderr)
 
-    def offline(self, source, output, dataset):
+    def offline(self, source, output, dataset, *options):
         """The folder of the offline run on `source`, configured for kitti or euroc."""
         config = os.path.join(REPOSITORY, "config", dataset + ".yaml")
-        self.succeed("offline_odometry", source, "-o", output, "--config", config)
+        self.succeed("offline_odometry", source, "-o", output, "--config", config, *options)
         return output
 
     def check_poses(self, recording, topic, trajectory):
@@ -137,7 +137,7 @@ class RecordingTest(unittest.TestCase):
         for stamp, expected_stamp in zip(stamps, expected_stamps):
             self.assertAlmostEqual((stamp - stamps[0]) * 1e-9,
                                    (expected_stamp - expected_stamps[0]) * 1e-9, places=6)
-        difference = max(np.abs(pose - truth).max() for pose, truth in zip(poses, expected))
+        difference = max(np.abs(pose - ground_truth).max() for pose, ground_truth in zip(poses, expected))
         self.assertLess(difference, 1e-5)
         return difference
 
@@ -166,18 +166,23 @@ class ReplayTest(RecordingTest):
 
 
 class DemoTest(RecordingTest):
-    def demo(self, scene, dataset, frames):
+    def demo(self, scene, dataset, frames, arguments=(), settings=()):
         """The demo loses no frame, gives the offline trajectory, and ends by itself."""
         recording = self.make_recording()
         recording.record("demo.launch", [f"scene:={scene}", "seed:=3", f"frames:={frames}",
-                                         "rate:=10", "exit_when_done:=true"],
+                                         "rate:=10", "exit_when_done:=true", *arguments],
                          recording.launch_done, START_UP_S + FRAME_S * frames)
         self.assertEqual(recording.launch.returncode, 0, recording.log()[-3000:])
         offline = self.offline(f"synthetic:{scene},seed=3,frames={frames}",
-                               os.path.join(recording.folder, "offline"), dataset)
+                               os.path.join(recording.folder, "offline"), dataset,
+                               *(word for setting in settings for word in ("--set", setting)))
         difference = self.check_poses(recording, "/stereo/odom",
                                       os.path.join(offline, "trajectory.tum"))
         self.check_poses(recording, "/ground_truth/odom", os.path.join(offline, "groundtruth.tum"))
+        if settings:  # motion priors
+            with rosbag.Bag(recording.bag) as bag:
+                uses = [info.prior for _, info, _ in bag.read_messages("/stereo/info")]
+            self.assertEqual(uses, ["none"] + ["used"] * (frames - 1))
         print(f"demo, {scene}: largest difference from offline_odometry {difference:.1e}")
 
     def test_street(self):
@@ -185,6 +190,17 @@ class DemoTest(RecordingTest):
 
     def test_corridor(self):
         self.demo("corridor", "euroc", 15)
+
+    def test_gyroscope(self):
+        self.demo("corridor", "euroc", 40, ["imu:=true"], ["imu/enabled=true"])
+
+    def test_wheels_and_floor(self):
+        self.demo("street", "kitti", 15, ["prior_odom:=/wheel_odom", "planar:=true"],
+                  ["wheels/enabled=true", "planar/enabled=true"])
+
+    def test_gyroscope_and_wheels(self):
+        self.demo("corridor", "euroc", 25, ["imu:=true", "prior_odom:=/wheel_odom"],
+                  ["imu/enabled=true", "wheels/enabled=true"])
 
 
 if __name__ == "__main__":

@@ -49,9 +49,9 @@ def make_euroc(folder):
                         os.path.join(camera, "data", name))
             rows += f"{name[:-4]},{name}\n"
         write(os.path.join(camera, "data.csv"), rows)
-    truth = "#timestamp,x,y,z,qw,qx,qy,qz\n" + "".join(
+    ground_truth = "#timestamp,x,y,z,qw,qx,qy,qz\n" + "".join(
         f"{PERIOD_NS * (i + 1)},0,{0.12 * i},0,1,0,0,0\n" for i in range(len(images)))
-    write_new(os.path.join(folder, "mav0", "state_groundtruth_estimate0", "data.csv"), truth)
+    write_new(os.path.join(folder, "mav0", "state_groundtruth_estimate0", "data.csv"), ground_truth)
     shutil.rmtree(source)
 
 
@@ -181,11 +181,11 @@ class ReproduceTest(unittest.TestCase):
         self.assertIn("6 of 8 runs", report)
         self.assertRegex(report, r"\*\*02\*\*, paper: offline_odometry: .*000002\.png")
         self.assertIn("**00** has 4 of 4541 frames", report)
-        pictures = re.findall(r"!\[[^]]*\]\(([^)]*)\)", report)
-        for name in pictures:
+        images = re.findall(r"!\[[^]]*\]\(([^)]*)\)", report)
+        for name in images:
             self.assertEqual(read(os.path.join(self.output, name))[:4], b"\x89PNG")
-        # No error over segments: the way is 0.36 m.
-        self.assertEqual([name for name in pictures if "/" not in name],
+        # No error over segments: the path length is 0.36 m.
+        self.assertEqual([name for name in images if "/" not in name],
                          ["figure_5.png", "figure_7.png", "figure_8.png", "figure_9.png",
                           "residuals.png"])
         self.assertEqual(os.listdir(self.scratch), [])
@@ -195,7 +195,7 @@ class ReproduceTest(unittest.TestCase):
         self.assertEqual(set(rows), {(name, method) for name in ("00", "01", "02", "V1_01_easy")
                                      for method in METHODS})
         mav0 = os.path.join(self.euroc, "V1_01_easy", "mav0")
-        for name, truth, file, more in (
+        for name, ground_truth, file, more in (
                 ("00", os.path.join(self.kitti, "sequences/00/poses.txt"), "trajectory.kitti", []),
                 ("V1_01_easy", os.path.join(mav0, "state_groundtruth_estimate0/data.csv"),
                  "trajectory.tum", ["--body-to-camera", os.path.join(mav0, "cam0/sensor.yaml")])):
@@ -203,7 +203,7 @@ class ReproduceTest(unittest.TestCase):
                 row = rows[name, method]
                 folder = os.path.join(self.output, "sequences", name, method)
                 scores = json.loads(reproduce(
-                    "--groundtruth", truth, "--estimate", os.path.join(folder, file), "--json",
+                    "--groundtruth", ground_truth, "--estimate", os.path.join(folder, file), "--json",
                     *more, script="evaluate_trajectory").stdout)
                 self.assertEqual(float(row["ate_rmse"]), scores["ate_m"]["rmse"])
                 self.assertEqual(float(row["path_m"]), scores["path_length_m"])
@@ -295,7 +295,7 @@ class ReproduceTest(unittest.TestCase):
         self.assertEqual(set(rows_of(os.path.join(output, "results.csv"))),
                          {("00", method) for method in METHODS})
 
-    def test_goes_on_where_it_was(self):
+    def test_resumes_where_it_was(self):
         output = self.copy_output("again")
         before = {name: os.stat(os.path.join(output, "sequences", name)).st_ino
                   for name in ("00/paper", "00/default", "01/paper", "V1_01_easy/default")}
@@ -503,12 +503,12 @@ class ReproduceTest(unittest.TestCase):
         self.assertEqual([line.get_label() for line in first.lines],
                          ["estimate, paper", "estimate, default", "ground truth"])
         self.assertEqual([line.get_linestyle() for line in first.lines], ["-", "-", "--"])
-        truth = first.lines[2].get_xdata()
-        self.assertAlmostEqual(truth[-1] - truth[0], 0.36)
-        # Features: of each sequence and method the picture that it has.
-        pictures = figures.draw_pictures(report, "EuRoC")
-        self.assertEqual(len(pictures.axes), 22)
-        self.assertEqual(pictures.axes[1].get_title(), "MH_01_easy, default")
+        ground_truth = first.lines[2].get_xdata()
+        self.assertAlmostEqual(ground_truth[-1] - ground_truth[0], 0.36)
+        # Features: the image of each sequence and method.
+        images = figures.draw_images(report, "EuRoC")
+        self.assertEqual(len(images.axes), 22)
+        self.assertEqual(images.axes[1].get_title(), "MH_01_easy, default")
 
     def test_published_figures_are_complete_and_fit_their_means(self):
         with open(PUBLISHED, encoding="utf-8") as file:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs offline_odometry on real sequences and in the built-in world and holds its errors to bounds.
+"""Runs offline_odometry on real sequences and in the built-in world and checks bounds of its errors.
 
 Bounds are 1.3 times what was measured when they were set; the comments give that and, for the
 sequences of files, what the best peers reach on the same images. Programs and data are found as in
@@ -73,10 +73,10 @@ class ErrorTest(unittest.TestCase):
         summary = odometry(sequence, output, "--every", every, *options)
         return summary, evaluate(sequence, output, every)
 
-    def check_errors(self, name, frames, bounds, every=1):
+    def check_errors(self, name, frames, bounds, every=1, scale=1.0):
         """Every frame but the first has a motion, and errors keep to {error: bound}; the summary."""
-        summary, errors = self.scores(name, every=every)
-        print(f"\n{name}, every {every}: " + ", ".join(
+        summary, errors = self.scores(name, "--scale", scale, every=every)
+        print(f"\n{name}, every {every}, scale {scale:g}: " + ", ".join(
             f"{key} {value:.4g}" for key, value in errors.items() if value is not None), flush=True)
         self.assertEqual(summary["frames"], frames)
         self.assertEqual(errors["matched_frames"], frames)
@@ -89,7 +89,7 @@ class ErrorTest(unittest.TestCase):
     def check(self, name, frames, bounds):
         summary = self.check_errors(name, frames, bounds)
         self.assertEqual(summary["failed_windows"], 0)
-        # True weights give 1. Measured: points 0.96 ... 1.13, lines 0.64 ... 1.20.
+        # Correct weights give 1. Measured: points 0.96 ... 1.13, lines 0.64 ... 1.20.
         for kind in ("points", "lines"):
             with self.subTest(residuals=kind):
                 variance = summary["weighted_residuals"][kind]["variance"]
@@ -111,7 +111,7 @@ class RealSequences(ErrorTest):
         self.check("kitti_raw_0926_0001", 108, {
             "t_percent": 0.83,  # measured 0.641; ORB-SLAM2 0.718, viso2 1.211
             "r_deg_per_100m": 0.26,  # measured 0.200; Basalt 0.235, ORB-SLAM2 0.409, viso2 1.232
-            "ate_m": 0.08,  # measured 0.0615; PL-StVO 0.099, ORB-SLAM2 0.114, viso2 0.304
+            "ate_m": 0.079,  # measured 0.0582; PL-StVO 0.099, ORB-SLAM2 0.114, viso2 0.304
             "rpe_r_deg": 0.018,  # measured 0.0142; Basalt 0.0152, PL-StVO 0.0231, viso2 0.0296
             "end_percent": 0.34,  # measured 0.260; PL-StVO 0.22, ORB-SLAM2 0.36, viso2 1.08
         })
@@ -120,7 +120,7 @@ class RealSequences(ErrorTest):
         self.check("kitti_06_000-050", 51, {
             "t_percent": 0.82,  # measured 0.634; ORB-SLAM2 0.636, viso2 0.988, PL-StVO 1.167
             "r_deg_per_100m": 2.0,  # measured 1.57; Basalt 1.631, ORB-SLAM2 1.784, viso2 2.958
-            "ate_m": 0.044,  # measured 0.0337; ORB-SLAM2 0.050, viso2 0.120, PL-StVO 0.142
+            "ate_m": 0.041,  # measured 0.0316; ORB-SLAM2 0.050, viso2 0.120, PL-StVO 0.142
             "rpe_r_deg": 0.076,  # measured 0.0586; Basalt 0.0588, PL-StVO 0.0628, ORB-SLAM2 0.0675
             "end_percent": 1.1,  # measured 0.879; ORB-SLAM2 1.03, viso2 1.06, PL-StVO 1.09
         })
@@ -143,14 +143,14 @@ class RealSequences(ErrorTest):
 
     def test_rendered_lowtexture(self):
         self.check("rendered_lowtexture", 100, {
-            "ate_m": 0.0055,  # measured 0.00424; PL-StVO 0.033, viso2 0.063, ORB-SLAM2 lost
-            "rpe_r_deg": 0.0117,  # measured 0.00896; PL-StVO 0.045, viso2 0.104
-            "end_percent": 0.48,  # measured 0.367; PL-StVO 4.1, viso2 7.1
+            "ate_m": 0.0033,  # measured 0.00233; PL-StVO 0.033, viso2 0.063, ORB-SLAM2 lost
+            "rpe_r_deg": 0.0087,  # measured 0.00648; PL-StVO 0.045, viso2 0.104
+            "end_percent": 0.25,  # measured 0.113; PL-StVO 4.1, viso2 7.1
         })
 
     def test_lines_help_where_corners_are_few(self):
-        # Measured 0.0088 / 0.0060 m = 1.47 and 0.0134 / 0.0090 deg = 1.50; PL-StVO 5.3 and 5.1. It was
-        # 2.5 and 3.0 before points of coarser levels came in, which points alone gain most by.
+        # Measured 0.0046 / 0.0023 m = 1.97 and 0.0085 / 0.0065 deg = 1.31; PL-StVO 5.3 and 5.1. It was
+        # 2.5 and 3.0 before points of coarser levels were added, which improve points alone most.
         self.check_that_lines_help("rendered_lowtexture", {"ate_m": 1.1, "rpe_r_deg": 1.15})
 
 
@@ -178,23 +178,22 @@ class SlowCameras(ErrorTest):
     def test_kitti_raw_0926_0001(self):
         self.check_every("kitti_raw_0926_0001", {
             2: (54, {"t_percent": 0.8,  # measured 0.612
-                     "ate_m": 0.075}),  # measured 0.0573
+                     "ate_m": 0.069}),  # measured 0.0532
             3: (36, {"t_percent": 0.69,  # measured 0.531; ORB-SLAM2 0.73, PL-StVO 1.4, viso2 1.6
-                     "ate_m": 0.066}),  # measured 0.0554 (1.2 times); ORB-SLAM2 0.066, PL-StVO 0.28
-            # ORB-SLAM2's position is better here.
-            4: (27, {"t_percent": 0.92,  # measured 0.879 (1.04 times); ORB-SLAM2 0.92, viso2 2.1
-                     "ate_m": 0.2})})  # measured 0.158; ORB-SLAM2 0.12, viso2 0.41, PL-StVO 0.71
+                     "ate_m": 0.061}),  # measured 0.0466; ORB-SLAM2 0.066, PL-StVO 0.28
+            # ORB-SLAM2's position is as good here.
+            4: (27, {"t_percent": 0.92,  # measured 0.814 (1.13 times); ORB-SLAM2 0.92, viso2 2.1
+                     "ate_m": 0.156})})  # measured 0.1196; ORB-SLAM2 0.12, viso2 0.41, PL-StVO 0.71
         self.check_not_lost("kitti_raw_0926_0001", 18)
 
     def test_kitti_06_000_050(self):
         self.check_every("kitti_06_000-050", {
             2: (26, {"t_percent": 0.98,  # measured 0.748
-                     "ate_m": 0.049}),  # measured 0.0377
+                     "ate_m": 0.049}),  # measured 0.0418 (1.17 times)
             3: (17, {"t_percent": 0.9,  # measured 0.730; ORB-SLAM2 0.90, PL-StVO 1.6, viso2 1.6
-                     "ate_m": 0.049}),  # measured 0.0379; ORB-SLAM2 0.062, PL-StVO 0.13
-            # ORB-SLAM2's position is better here.
-            4: (13, {"t_percent": 1.03,  # measured 0.954 (1.08 times); ORB-SLAM2 1.03, PL-StVO 2.1
-                     "ate_m": 0.067})})  # measured 0.0513; ORB-SLAM2 0.048
+                     "ate_m": 0.0435}),  # measured 0.0335; ORB-SLAM2 0.062, PL-StVO 0.13
+            4: (13, {"t_percent": 1.03,  # measured 0.932 (1.1 times); ORB-SLAM2 1.03, PL-StVO 2.1
+                     "ate_m": 0.0478})})  # measured 0.0368; ORB-SLAM2 0.048
         self.check_not_lost("kitti_06_000-050", 9)
 
     def test_euroc_mh_01_000_099(self):
@@ -203,7 +202,7 @@ class SlowCameras(ErrorTest):
                      "rpe_r_deg": 0.0175}),  # measured 0.0135
             3: (34, {"ate_m": 0.004,  # measured 0.00355 (1.13 times); PL-StVO 0.0040, viso2 0.0051
                      "rpe_r_deg": 0.025}),  # measured 0.0192
-            # 1.3 times would be more than PL-StVO's 0.0032 here, from which it can hardly be told.
+            # 1.3 times would be more than PL-StVO's 0.0032 here, from which it hardly differs.
             4: (25, {"ate_m": 0.0042,  # measured 0.00320; PL-StVO 0.0032, viso2 0.0038
                      "rpe_r_deg": 0.031})})  # measured 0.0239
         self.check_not_lost("euroc_MH_01_000-099", 17)
@@ -220,13 +219,88 @@ class SlowCameras(ErrorTest):
 
     def test_rendered_lowtexture(self):
         self.check_every("rendered_lowtexture", {
-            2: (50, {"ate_m": 0.0111,  # measured 0.00853
-                     "rpe_r_deg": 0.0157}),  # measured 0.0121
-            3: (34, {"ate_m": 0.0142,  # measured 0.0109
-                     "rpe_r_deg": 0.0235}),  # measured 0.0181
-            4: (25, {"ate_m": 0.0114,  # measured 0.00873
-                     "rpe_r_deg": 0.0221})})  # measured 0.0170
+            2: (50, {"ate_m": 0.0075,  # measured 0.0053
+                     "rpe_r_deg": 0.0120}),  # measured 0.0090
+            3: (34, {"ate_m": 0.0057,  # measured 0.0040
+                     "rpe_r_deg": 0.0150}),  # measured 0.0111
+            4: (25, {"ate_m": 0.0082,  # measured 0.0058
+                     "rpe_r_deg": 0.0200})})  # measured 0.0146
         self.check_not_lost("rendered_lowtexture", 17)
+
+
+class HalfTheSize(ErrorTest):
+    """Images of half the width and height, which are enlarged for processing: without that the errors
+    of rotations were 0.0037, 0.0158 and 0.0635 deg in the rendered ones."""
+
+    def check_half(self, name, frames, bounds):
+        self.check_errors(name, frames, bounds, scale=0.5)
+
+    def test_kitti_raw_0926_0001(self):
+        self.check_half("kitti_raw_0926_0001", 108, {"ate_m": 0.125,  # measured 0.0961
+                                                     "rpe_r_deg": 0.0186})  # measured 0.0143
+
+    def test_kitti_06_000_050(self):
+        self.check_half("kitti_06_000-050", 51, {"ate_m": 0.031,  # measured 0.0239
+                                                 "rpe_r_deg": 0.0753})  # measured 0.0579
+
+    def test_euroc_mh_01_000_099(self):
+        self.check_half("euroc_MH_01_000-099", 100, {"ate_m": 0.0048,  # measured 0.0037
+                                                     "rpe_r_deg": 0.0107})  # measured 0.0082
+
+    def test_rendered_town(self):
+        self.check_half("rendered_town", 125, {"ate_m": 0.0159,  # measured 0.0108
+                                               "rpe_r_deg": 0.0026})  # measured 0.0020
+
+    def test_rendered_lowtexture(self):
+        self.check_half("rendered_lowtexture", 100, {"ate_m": 0.0079,  # measured 0.0061
+                                                     "rpe_r_deg": 0.0126})  # measured 0.0097
+
+    def test_rendered_plaster(self):
+        self.check_half("rendered_plaster", 50, {"ate_m": 0.0170,  # measured 0.0131
+                                                 "rpe_r_deg": 0.0384})  # measured 0.0295
+
+
+class LightsOut(ErrorTest):
+    """A room goes dark for two and a half seconds while the camera turns: only the gyroscope knows."""
+
+    WORLD = "synthetic:indoor,seed=11,frames=120,lights_out_at_s=2.5,lights_out_s=2.5"
+
+    def test_the_gyroscope_carries_the_pose(self):
+        errors = {}
+        for enabled, state in (("true", "degraded"), ("false", "lost")):
+            summary, errors[enabled] = self.scores(self.WORLD, "--set", f"imu/enabled={enabled}")
+            self.assertGreater(summary["states"].get(state, 0), 35)
+            self.assertEqual("lost" in summary["states"], enabled == "false")
+        print(f"\n{self.WORLD}: ATE {errors['true']['ate_m']:.4f} m with a gyroscope, "
+              f"{errors['false']['ate_m']:.4f} m without", flush=True)
+        # Measured 0.055 and 0.81.
+        self.assertLess(errors["true"]["ate_m"], 0.25 * errors["false"]["ate_m"])
+
+
+class LightsOutOnTheRoad(ErrorTest):
+    """Three seconds without light on a road: wheels carry the pose, also where they slip or are wrong by 5 %."""
+
+    WORLD = "synthetic:street,seed=7,frames=80,open_country=0.5"
+    DARK = ",lights_out_at_s=3,lights_out_s=3"
+    WHEELS = ("--set", "wheels/enabled=true", "--set", "planar/enabled=true")
+
+    def test_wheels_carry_the_pose(self):
+        _, without = self.scores(self.WORLD + self.DARK)
+        summary, with_wheels = self.scores(self.WORLD + self.DARK, *self.WHEELS)
+        self.assertGreater(summary["states"].get("degraded", 0), 25)
+        self.assertNotIn("lost", summary["states"])
+        _, scale = self.scores(self.WORLD + self.DARK + ",wheel_scale_error=0.05", *self.WHEELS)
+        print(f"\n{self.WORLD + self.DARK}: ATE {without['ate_m']:.3f} m without, "
+              f"{with_wheels['ate_m']:.3f} m with wheels, {scale['ate_m']:.3f} m with 5 % too much", flush=True)
+        self.assertLess(with_wheels["ate_m"], 0.1 * without["ate_m"])
+        self.assertLess(scale["ate_m"], 0.25 * without["ate_m"])
+
+    def test_slip_does_no_harm_to_good_images(self):
+        _, without = self.scores(self.WORLD)
+        _, slipping = self.scores(self.WORLD + ",wheel_slip=0.3", *self.WHEELS)
+        print(f"\n{self.WORLD}: ATE {without['ate_m']:.4f} m without, "
+              f"{slipping['ate_m']:.4f} m with wheels that slip", flush=True)
+        self.assertLess(slipping["ate_m"], 1.05 * without["ate_m"])
 
 
 class DroppedFrames(ErrorTest):
@@ -274,32 +348,40 @@ class DroppedFrames(ErrorTest):
 
 class DarkImages(ErrorTest):
     """Plastered walls in the dark, a fast flight: viso2's ATE is 0.125 m, those of PL-StVO are 0.69 m
-    with 10 of 50 frames lost, ORB-SLAM2 loses 26. Before points of coarser levels were used: 1.36 m
-    with 44 frames lost."""
+    with 10 of 50 frames lost, ORB-SLAM2 loses 26. It was 1.36 m with 44 frames lost with FAST corners of
+    the image alone, and 0.0109 m with those of coarser levels matched by descriptors."""
 
     def test_rendered_plaster(self):
-        for every, frames, rpe_r_deg in ((1, 50, 0.066),  # measured 0.0503, ATE 0.0107 m
-                                         (2, 25, 0.134)):  # measured 0.103, ATE 0.0109 m
+        for every, frames, ate_m, rpe_r_deg in ((1, 50, 0.0105, 0.036),  # measured 0.0048, 0.0277
+                                                (2, 25, 0.0155, 0.054)):  # measured 0.0102, 0.0337
             self.check_errors("rendered_plaster", frames,
-                              {"ate_m": 0.05, "rpe_r_deg": rpe_r_deg}, every)
+                              {"ate_m": ate_m, "rpe_r_deg": rpe_r_deg}, every)
 
-    def test_lines_do_no_harm_to_the_position(self):
-        # ATE 0.0107 m with them and 0.0098 without, every 2nd frame 0.0109 and 0.0095. To the rotation
-        # they do: 0.050 deg and 0.043, every 2nd frame 0.103 and 0.058.
+    def test_lines_do_no_harm(self):
+        # ATE 0.0045 m with them and 0.0044 without, every 2nd frame 0.0119 and 0.0119; rotations 0.0241
+        # and 0.0248 deg, every 2nd frame 0.0347 and 0.0351.
         for every in (1, 2):
             _, both = self.scores("rendered_plaster", every=every)
             _, points = self.scores("rendered_plaster", "--set", "lines/enabled=false", every=every)
-            with self.subTest(every=every):
-                self.assertLess(both["ate_m"], 1.5 * points["ate_m"])
+            for key in ("ate_m", "rpe_r_deg"):
+                with self.subTest(every=every, error=key):
+                    self.assertLess(both[key], 1.5 * points[key])
+
+    def test_fast_flight_of_the_built_in_world(self):
+        # Turns of up to 100 deg/s, five degrees from frame to frame, and fifteen at every third.
+        self.check_errors("synthetic:plaster,seed=1,frames=100", 100,
+                          {"ate_m": 0.016, "rpe_r_deg": 0.056})  # measured 0.0071, 0.030
+        self.check_errors("synthetic:plaster,seed=1,frames=240", 80,
+                          {"ate_m": 0.072, "rpe_r_deg": 0.22}, every=3)  # 0.037, 0.096
 
 
 class OwnStandardDeviations(unittest.TestCase):
     """Few motions with state ok are wrong by more than six of their own standard deviations: of 730
-    frames of the built-in worlds 1, and none along or about an axis, when the bounds were set. More
-    than 10 000 frames take scripts/check_uncertainty half an hour."""
+    frames of the built-in worlds none when the bound was set. More than 10 000 frames take
+    scripts/check_uncertainty half an hour."""
 
     def test_hard_scenes(self):
-        command = [CHECK_UNCERTAINTY, "--short", "--allowed", "3", "--allowed-axis", "1"]
+        command = [CHECK_UNCERTAINTY, "--short", "--allowed", "1"]
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                 timeout=1800, universal_newlines=True,
                                 env={**os.environ, "POINT_LINE_ODOMETRY_BIN": os.path.dirname(
@@ -330,7 +412,7 @@ class BuiltInWorld(ErrorTest):
 
     def test_indoor(self):
         self.check("synthetic:indoor,seed=1,frames=150", 150, {
-            "t_percent": 0.08,  # measured 0.0567, 0.0305 before calibrations were learnt faster
+            "t_percent": 0.08,  # measured 0.0567, 0.0305 before calibrations were estimated faster
             "ate_m": 0.0018,  # measured 0.00121, 0.000724 before
             "rpe_r_deg": 0.0044,  # measured 0.00259
         })

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""scripts/soak: what it judges, the faults that it draws, and a short run."""
+"""scripts/soak: its checks, the faults that it draws, and a short run."""
 
 import math
 import os
@@ -18,13 +18,13 @@ SCRIPTS = os.path.join(REPOSITORY, "scripts")
 sys.path.insert(0, SCRIPTS)
 
 import _soak_faults as faults  # noqa: E402
-import _soak_judge as judge  # noqa: E402
+import _soak_checks as checks  # noqa: E402
 
 PERIOD_S, SPEED = 0.1, 1.0
 
 
 def answer(stamp_s, x_m, speed=SPEED, state="OK", sigma=0.01, yaw=0.0):
-    return judge.Answer(stamp_s, (x_m, 0.0, 0.0),
+    return checks.Answer(stamp_s, (x_m, 0.0, 0.0),
                         (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)),
                         (speed, 0.0, 0.0, 0.0, 0.0, 0.0), (sigma,) * 6, state)
 
@@ -36,7 +36,7 @@ def drive(count, change=None):
 
 
 def watch(answers, announced=()):
-    watching = judge.JumpWatch()
+    watching = checks.JumpWatch()
     for k, each in enumerate(answers):
         watching.add(each, k in announced)
     return watching
@@ -44,7 +44,7 @@ def watch(answers, announced=()):
 
 def samples(minutes=30.0, mb_per_min=0.0, files_per_min=0.0, threads=12):
     rng = np.random.default_rng(1)
-    return [judge.ProcessSample(t, 80.0 + mb_per_min * t / 60.0 + rng.normal(0.0, 0.2)
+    return [checks.ProcessSample(t, 80.0 + mb_per_min * t / 60.0 + rng.normal(0.0, 0.2)
                                 + 10.0 * min(t / 30.0, 1.0),
                                 int(40 + files_per_min * t / 60.0) + int(rng.integers(0, 4)), threads)
             for t in np.arange(0.0, 60.0 * minutes, 1.0)]
@@ -55,7 +55,7 @@ def run(**changes):
               "counters": {"processed": 50, "exceptions": 0}, "faults": {"black": 2}, "ended": "",
               "recovered": True}
     values.update(changes)
-    return judge.Run(**values)
+    return checks.Run(**values)
 
 
 class JumpTest(unittest.TestCase):
@@ -81,14 +81,14 @@ class JumpTest(unittest.TestCase):
         self.assertEqual(self.jumps(lambda k, a: a if k < 9 else a._replace(
             position=(a.position[0] + 0.1, 0.0, 0.0), twist_sigma=(0.5,) * 6)), 0)
 
-    def test_what_was_asked_for_is_none(self):
+    def test_a_requested_reset_is_none(self):
         moved = (lambda k, a: a if k < 9 else a._replace(
             position=(a.position[0] + 5.0, 0.0, 0.0),
             state="INITIALIZING" if k == 9 else "OK"))
         self.assertEqual(self.jumps(moved, announced=(9,)), 0)
         self.assertEqual(self.jumps(moved), 1)
 
-    def test_the_pose_is_kept_when_tracking_begins_anew(self):
+    def test_the_pose_is_kept_when_tracking_is_reset(self):
         self.assertEqual(self.jumps(lambda k, a: a if k != 19 else a._replace(
             state="INITIALIZING", position=drive(20)[18].position)), 0)
         self.assertEqual(self.jumps(lambda k, a: a if k != 19 else a._replace(
@@ -112,7 +112,7 @@ class JumpTest(unittest.TestCase):
 
 class GrowthTest(unittest.TestCase):
     def failed(self, **changes):
-        text, passed = judge.report(run(**changes))
+        text, passed = checks.report(run(**changes))
         names = [line[6:].split("  ")[0] for line in text.splitlines() if line.startswith("FAIL  ")]
         self.assertEqual(passed, not names)
         self.assertTrue(text.endswith("PASS" if passed else "FAIL"))
@@ -123,7 +123,7 @@ class GrowthTest(unittest.TestCase):
 
     def test_memory(self):
         self.assertEqual(self.failed(samples=samples(mb_per_min=0.2)), ["memory does not grow"])
-        self.assertAlmostEqual(judge.growth_of(samples(mb_per_min=0.2)).rss_mb_per_min, 0.2, 2)
+        self.assertAlmostEqual(checks.growth_of(samples(mb_per_min=0.2)).rss_mb_per_min, 0.2, 2)
 
     def test_files(self):
         self.assertEqual(self.failed(samples=samples(files_per_min=2.0)),
@@ -133,16 +133,16 @@ class GrowthTest(unittest.TestCase):
         grown = [each._replace(threads=12 + i // 60) for i, each in enumerate(samples())]
         self.assertEqual(self.failed(samples=grown), ["threads do not grow"])
 
-    def test_a_short_run_does_not_say(self):
+    def test_a_short_run_is_not_evaluated(self):
         short = samples(minutes=10.0, mb_per_min=9.0)
         self.assertEqual(self.failed(samples=short), [])
-        self.assertIn("not judged", judge.report(run(samples=short))[0])
+        self.assertIn("not evaluated", checks.report(run(samples=short))[0])
 
     def test_the_rest(self):
         jumped = watch(drive(9, lambda k, a: a if k < 5 else a._replace(position=(9.0, 0.0, 0.0))))
         self.assertEqual(self.failed(watch=jumped), ["jumps of odom"])
         spoiled = watch([answer(1.0, math.nan)])
-        self.assertEqual(self.failed(watch=spoiled), ["numbers that are none"])
+        self.assertEqual(self.failed(watch=spoiled), ["numbers that are not finite"])
         self.assertEqual(self.failed(counters={"exceptions": 1}), ["exceptions"])
         self.assertEqual(self.failed(ended="it crashed"), ["the process lives"])
         self.assertEqual(self.failed(recovered=False), ["tracks again after the last fault"])
@@ -214,7 +214,7 @@ class RunTest(unittest.TestCase):
     def test_half_a_minute(self):
         result, said = self.soak("0.5", "--seed", "2")
         self.assertEqual(result.returncode, 0, said)
-        for words in ("PASS  jumps of odom", "PASS  numbers that are none", "faults", "not judged"):
+        for words in ("PASS  jumps of odom", "PASS  numbers that are not finite", "faults", "not evaluated"):
             self.assertIn(words, result.stdout)
         self.assertTrue(result.stdout.rstrip().endswith("PASS"))
 

@@ -53,6 +53,19 @@ class OfflineOdometryTest(ToolTest):
             self.assertEqual(sum(residuals[kind]["counts"]), residuals[kind]["size"])
             self.assertLess(residuals[kind]["variance"], 4.0)
 
+    def test_target_frame_time_lowers_the_budget(self):
+        source = "synthetic:corridor,frames=12"
+        budgets = []
+        for target_ms in (0, 0.01, 10000):
+            output = self.offline(source, f"to_{target_ms}", "--target-frame-time", target_ms)
+            with open(os.path.join(output, "frames.csv")) as file:
+                budgets.append([float(row["feature_budget"]) for row in csv.DictReader(file)])
+        self.assertEqual(budgets[0], [1.0] * 12)
+        self.assertEqual(budgets[1], [1.0] * 5 + [0.5] * 5 + [0.25] * 2)
+        self.assertEqual(budgets[2], [1.0] * 12)
+        self.refuse("--target-frame-time", "offline_odometry", source, "-o", self.path("out"),
+                    "--target-frame-time", "-1")
+
     def test_first_pose_is_identity(self):
         output = self.offline(self.kitti, "out")
         first = read(os.path.join(output, "trajectory.kitti")).split(b"\n")[0]
@@ -66,7 +79,7 @@ class OfflineOdometryTest(ToolTest):
                          b"0.100000000 0.120000000 0.000000000 0.000000000 "
                          b"0.000000000 0.000000000 0.000000000 1.000000000\n")
 
-    def test_ground_truth_of_an_older_run_goes_away(self):
+    def test_ground_truth_of_an_older_run_is_removed(self):
         self.offline(self.kitti, "out")
         os.remove(os.path.join(self.kitti, "poses.txt"))
         self.assertNotIn("groundtruth.tum", os.listdir(self.offline(self.kitti, "out")))
@@ -111,7 +124,7 @@ class OfflineOdometryTest(ToolTest):
         self.assertSameFile("trajectory.tum", self.offline(self.kitti, "a"),
                             self.offline(self.kitti, "b", "--every", 1))
 
-    def test_every_passes_over_frames_without_reading_them(self):
+    def test_every_skips_frames_without_reading_them(self):
         whole = self.offline(self.kitti, "a", "--every", 2)
         cut_off(os.path.join(self.kitti, "image_1", "000001.png"))
         self.assertSameFile("trajectory.kitti", whole, self.offline(self.kitti, "b", "--every", 2))
@@ -124,8 +137,8 @@ class OfflineOdometryTest(ToolTest):
         with open(os.path.join(world, "summary.json")) as file:
             self.assertEqual(json.load(file)["states"], {"initializing": 1, "ok": 2})
 
-    def picture_size(self, folder):
-        """Width and height of the picture of the first frame."""
+    def image_size(self, folder):
+        """Width and height of the feature image of the first frame."""
         header = read(os.path.join(folder, "features", "000000.png"))[16:24]
         return struct.unpack(">II", header)
 
@@ -133,9 +146,9 @@ class OfflineOdometryTest(ToolTest):
         for factor in (0.5, 1.0, 1.7, 2):
             output = self.offline(self.kitti, "out", "--scale", factor, "--features-images", 1)
             expected = (round(factor * WIDTH), round(factor * HEIGHT))
-            self.assertEqual(self.picture_size(output), expected)
+            self.assertEqual(self.image_size(output), expected)
 
-    def test_scale_changes_neither_the_camera_nor_the_way(self):
+    def test_scale_changes_neither_the_camera_nor_the_path(self):
         # 0.12 m a frame to the right, along a wall, with calibrated and raw images of any size.
         for factor in (0.8, 1.5):
             output = self.offline(self.kitti, "out", "--scale", factor)
@@ -161,7 +174,7 @@ class OfflineOdometryTest(ToolTest):
         self.assertEqual(sorted(os.listdir(output)), ["features"] + RESULTS)
         self.assertEqual(os.listdir(os.path.join(output, "features")), ["000000.png"])
 
-    def test_settings_are_stronger_than_the_file(self):
+    def test_settings_override_the_file(self):
         config = self.path("config.yaml")
         write(config, "odom_frame_id: odom\nlines:\n  enabled: false\npoints:\n  enabled: true\n")
         output = self.offline(self.kitti, "out", "--config", config,
@@ -178,7 +191,8 @@ class OfflineOdometryTest(ToolTest):
                 return json.load(file)["parameters"]
         default = parameters("default")
         table = self.succeed("offline_odometry", "--print-parameters").stdout.split("\nThe node")[0]
-        self.assertEqual(list(default), re.findall(r"^\| `(.*?)` \|", table, re.MULTILINE))
+        self.assertEqual(list(default),
+                         sorted(re.findall(r"^\| `(.*?)` \|", table, re.MULTILINE)))
         changed = parameters("changed", "--set", "window/size=0", "--set", "motion/huber_delta=0.3")
         self.assertEqual({name: value for name, value in changed.items() if value != default[name]},
                          {"window/size": "0", "motion/huber_delta": changed["motion/huber_delta"]})
@@ -212,6 +226,22 @@ class OfflineOdometryTest(ToolTest):
             name = option[0].split("=")[0]
             self.refuse(name, "offline_odometry", self.kitti, "-o", output, *option)
 
+    def test_refuses_bad_masks(self):
+        def refuse(words, file):
+            self.refuse(words, "offline_odometry", self.kitti, "-o", self.path("out"),
+                        "--right-mask", file)
+        refuse(["right mask", "cannot be read"], self.path("no_such.png"))
+        text = self.path("text.png")
+        write(text, "no image")
+        refuse(["right mask", "cannot be read"], text)
+        small = self.path("small.pgm")
+        write(small, "P2 3 2 255 0 0 0 1 1 1\n")
+        refuse([f"right mask '{small}' is 3 x 2", f"{WIDTH} x {HEIGHT}"], small)
+
+    def test_refuses_a_bag_without_masks(self):
+        self.refuse(["no masks", "left/mask_image"], "offline_odometry", self.make_bag(), "-o",
+                    self.path("out"), "--mask-images")
+
     def test_refuses_bad_parameters(self):
         def refuse(words, *options):
             self.refuse(words, "offline_odometry", self.kitti, "-o", self.path("out"), *options)
@@ -226,6 +256,18 @@ class OfflineOdometryTest(ToolTest):
         refuse(["bad.yaml", "points/cells"], "--config", self.path("bad.yaml"))
         write(self.path("broken.yaml"), "points: [1, 2\n")
         refuse("broken.yaml", "--config", self.path("broken.yaml"))
+
+    def test_warns_of_retired_parameters(self):
+        config = self.path("old.yaml")
+        write(config, "motion: {max_iterations: 20}\nlines:\n  enabled: false\n")
+        expected = self.offline(self.kitti, "new", "--max-frames", 2, "--set", "lines/enabled=false")
+        result = self.succeed("offline_odometry", self.kitti, "-o", self.path("old"),
+                              "--max-frames", "2", "--config", config,
+                              "--set", "window/max_iterations=7", "--quiet")
+        for name in ("motion/max_iterations", "window/max_iterations"):
+            self.assertEqual(result.stderr.count(f"warning: parameter {name} is ignored"), 1)
+        self.assertEqual(len(result.stderr.splitlines()), 2, result.stderr)
+        self.assertSameFile("trajectory.tum", expected, self.path("old"))
 
     def test_refuses_bad_folders(self):
         def refuse(words):
@@ -396,30 +438,30 @@ class DatasetToBagTest(ToolTest):
             self.assertEqual(bag.get_compression_info().compression, "bz2")
 
     def test_every(self):
-        def pictures(bag):
+        def images(bag):
             with rosbag.Bag(bag) as messages:
                 return [(stamp.to_nsec(), message.data)
                         for _, message, stamp in messages.read_messages("/stereo/left/image_rect")]
-        every = pictures(self.make_bag())
+        every = images(self.make_bag())
         self.succeed("dataset_to_bag", self.kitti, self.path("two.bag"), "--quiet", "--every", 2)
-        self.assertEqual(pictures(self.path("two.bag")), every[::2])
+        self.assertEqual(images(self.path("two.bag")), every[::2])
         self.succeed("dataset_to_bag", self.kitti, self.path("three.bag"), "--quiet", "--every", 3,
                      "--max-frames", 1)
-        self.assertEqual(pictures(self.path("three.bag")), every[:1])
+        self.assertEqual(images(self.path("three.bag")), every[:1])
         self.assertSameFile("trajectory.kitti", self.offline(self.path("two.bag"), "a"),
                             self.offline(self.kitti, "b", "--every", 2))
 
-    def test_duration_is_that_of_the_images(self):
+    def test_duration_is_that_of_the_messages(self):
         # A pair fills a chunk of the bag, so that the path after the last one had a chunk of its
         # own, with the first stamp.
         bag = self.path("street.bag")
         for frames in (1, 4):
             self.succeed("dataset_to_bag", f"synthetic:street,frames={frames}", bag, "--quiet")
-            info = subprocess.run(["rosbag", "info", "--yaml", bag], stdout=subprocess.PIPE,
-                                  check=True, universal_newlines=True).stdout
-            self.assertAlmostEqual(float(re.search("^duration: (.*)$", info, re.M).group(1)),
-                                   0.1 * (frames - 1), places=6)
             with rosbag.Bag(bag) as messages:
+                others = [stamp.to_sec() for topic, _, stamp in messages.read_messages()
+                          if topic != "/ground_truth/path"]  # IMU and wheels begin before the images
+                self.assertAlmostEqual(min(others), messages.get_start_time(), places=6)
+                self.assertAlmostEqual(max(others), messages.get_end_time(), places=6)
                 (_, path, stamp), = messages.read_messages("/ground_truth/path")
                 first = next(iter(messages.read_messages("/stereo/left/image_rect")))
             self.assertEqual(len(path.poses), frames)
@@ -488,8 +530,8 @@ class SyntheticWorldTest(ToolTest):
         self.check_accuracy(direct, os.path.join(direct, "groundtruth.tum"))
         return folder
 
-    def check_accuracy(self, output, truth):
-        result = self.succeed("evaluate_trajectory", "--json", "--groundtruth", truth,
+    def check_accuracy(self, output, ground_truth):
+        result = self.succeed("evaluate_trajectory", "--json", "--groundtruth", ground_truth,
                               "--estimate", os.path.join(output, "trajectory.tum"))
         self.assertLess(json.loads(result.stdout)["ate_m"]["rmse"], 0.02)
 
@@ -501,28 +543,62 @@ class SyntheticWorldTest(ToolTest):
         self.assertEqual(sorted(os.listdir(self.path("folder", "image_1"))),
                          [f"{i:06}.png" for i in range(self.FRAMES)])
 
+    def test_bonnet_is_masked_by_files_topics_and_directly(self):
+        """The same masks give the same trajectory, another one than without."""
+        options = ["--scene", "street", "--seed", 3, "--bonnet", 1.5]
+        source = f"synthetic:street,seed=3,bonnet=1.5,frames={self.FRAMES}"
+        direct = self.offline(source, "direct", "--mask-images")
+        without = self.offline(source, "without")
+        folder = self.make("folder", *options)
+        files = ["--left-mask", os.path.join(folder, "mask_left.png"),
+                 "--right-mask", os.path.join(folder, "mask_right.png")]
+        from_files = self.offline(folder, "from_files", *files)
+        bag = self.make("world.bag", *options)
+        from_bag = self.offline(bag, "from_bag", "--mask-images")
+        self.succeed("dataset_to_bag", folder, self.path("of_folder.bag"), "--quiet", *files)
+        converted = self.offline(self.path("of_folder.bag"), "converted", "--mask-images")
+        self.assertSameFile("trajectory.kitti", direct, from_bag)
+        self.assertSameNumbers("trajectory.kitti", direct, from_files)
+        self.assertSameFile("trajectory.kitti", from_files, converted)
+        self.assertNotEqual(read(os.path.join(direct, "trajectory.kitti")),
+                            read(os.path.join(without, "trajectory.kitti")))
+        self.assertSameFile("trajectory.kitti", without, self.offline(bag, "bag_without"))
+        self.check_accuracy(direct, os.path.join(direct, "groundtruth.tum"))
+
+    def test_scaled_images_have_scaled_masks(self):
+        source = f"synthetic:street,bonnet=1,frames={self.FRAMES}"
+        masked = self.offline(source, "masked", "--mask-images", "--scale", 0.5)
+        self.check_accuracy(masked, os.path.join(masked, "groundtruth.tum"))
+
     def test_corridor(self):
         output = self.check_same_everywhere("corridor")
-        truth = self.path("folder", "mav0", "state_groundtruth_estimate0", "data.csv")
-        self.check_accuracy(output, truth)
+        ground_truth = self.path("folder", "mav0", "state_groundtruth_estimate0", "data.csv")
+        self.check_accuracy(output, ground_truth)
 
     def test_bag_is_that_of_the_folder(self):
-        bags = {"direct.bag": f"synthetic:street,frames={self.FRAMES}",
-                "folder.bag": self.make("folder")}
-        contents = []
-        for name, source in bags.items():
-            self.succeed("dataset_to_bag", source, self.path(name), "--quiet")
-            with rosbag.Bag(self.path(name)) as bag:
-                contents.append([(topic, stamp, getattr(message, "data", None))
-                                 for topic, message, stamp in bag.read_messages()])
-        self.assertEqual(contents[0], contents[1])
-        self.assertIn("/ground_truth/path", [topic for topic, _, _ in contents[0]])
+        for scene, left_out in (("street", "/stereo/imu"), ("corridor", None)):
+            contents = []
+            for source in (f"synthetic:{scene},frames={self.FRAMES}",
+                           self.make(scene, "--scene", scene)):
+                name = self.path("a.bag")
+                self.succeed("dataset_to_bag", source, name, "--quiet")
+                with rosbag.Bag(name) as bag:
+                    contents.append([(topic, stamp, getattr(message, "data", None),
+                                      getattr(message, "angular_velocity", None))
+                                     for topic, message, stamp in bag.read_messages()
+                                     # Folders have no wheels, KITTI's layout has no IMU and
+                                     # EuRoC's no stamps before 0.
+                                     if topic not in (left_out, "/wheel_odom") and stamp.to_sec() >= 1.0])
+            self.assertTrue(contents[0] == contents[1])
+            topics = {topic for topic, *_ in contents[0]}
+            self.assertIn("/ground_truth/path", topics)
+            self.assertEqual("/stereo/imu" in topics, left_out is None)
 
     def test_same_options_give_the_same_bytes(self):
-        picture = os.path.join("image_1", "000003.png")
-        self.assertSameFile(picture, self.make("a"), self.make("b"))
-        self.assertNotEqual(read(self.path("a", picture)),
-                            read(os.path.join(self.make("c", "--seed", 2), picture)))
+        image = os.path.join("image_1", "000003.png")
+        self.assertSameFile(image, self.make("a"), self.make("b"))
+        self.assertNotEqual(read(self.path("a", image)),
+                            read(os.path.join(self.make("c", "--seed", 2), image)))
 
     def test_replaces_its_own_folder(self):
         folder = self.make("folder")

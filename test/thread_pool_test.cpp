@@ -1,4 +1,5 @@
-#include "point_line_odometry/thread_pool.h"
+
+#include "common/thread_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +28,7 @@ TEST(ThreadPool, OneThreadIsTheCaller) {
   threads.run(4, [&](int) { EXPECT_EQ(std::this_thread::get_id(), caller); });
 }
 
-TEST(ThreadPool, ThreadsStay) {
+TEST(ThreadPool, ThreadsAreReused) {
   ThreadPool threads(3);
   std::mutex mutex;
   std::set<std::thread::id> ids;
@@ -40,7 +41,7 @@ TEST(ThreadPool, ThreadsStay) {
   EXPECT_LE(ids.size(), 3U);
 }
 
-TEST(ThreadPool, TasksRunSideBySide) {
+TEST(ThreadPool, TasksRunInParallel) {
   ThreadPool threads(2);
   std::atomic<int> begun{0};
   threads.run(2, [&](int) {
@@ -54,14 +55,15 @@ TEST(ThreadPool, PartsCoverAllInOrder) {
   for (const int num_threads : {1, 2, 3, 7}) {
     ThreadPool threads(num_threads);
     for (const std::size_t size : {0U, 1U, 2U, 50U, 1001U}) {
-      std::vector<std::pair<std::size_t, std::size_t>> parts(static_cast<std::size_t>(num_threads));
+      std::vector<std::pair<std::size_t, std::size_t>> parts(
+          static_cast<std::size_t>(threads.numParts()));
       threads.runParts(size, [&](int part, std::size_t begin, std::size_t end) {
         parts[static_cast<std::size_t>(part)] = {begin, end};
       });
       std::size_t expected = 0;
       for (const auto& part : parts) {
         EXPECT_EQ(part.first, expected);
-        EXPECT_LE(part.second - part.first, size / static_cast<std::size_t>(num_threads) + 1);
+        EXPECT_LE(part.second - part.first, size / parts.size() + 1);
         expected = part.second;
       }
       EXPECT_EQ(expected, size);
@@ -69,7 +71,7 @@ TEST(ThreadPool, PartsCoverAllInOrder) {
   }
 }
 
-TEST(ThreadPool, ThrowsWhatATaskThrewAndGoesOn) {
+TEST(ThreadPool, RethrowsAndContinues) {
   ThreadPool threads(2);
   std::atomic<int> runs{0};
   const auto failing = [&](int task) {

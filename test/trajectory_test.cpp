@@ -1,4 +1,5 @@
-#include "point_line_odometry/trajectory.h"
+
+#include "dataset/trajectory.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +13,7 @@
 namespace point_line_odometry {
 namespace {
 
-/// Numbers as many people write them: 1.000,5
+/// A locale with decimal comma: 1.000,5
 struct CommaNumbers : std::numpunct<char> {
   char do_decimal_point() const override { return ','; }
   char do_thousands_sep() const override { return '.'; }
@@ -87,7 +88,7 @@ TEST(WriteTrajectory, DoesNotDependOnTheLocale) {
   EXPECT_EQ(kitti_after, kitti_before);
 }
 
-/// A file of its own for each test, taken away at the end.
+/// A temporary file for each test, removed at the end.
 class ReadTumTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -106,7 +107,7 @@ class ReadTumTest : public ::testing::Test {
     return readTum(file_);
   }
 
-  /// Asserts that the text is refused with a sentence that has the file's name and these words.
+  /// Asserts that the text is refused with an error that contains the file's name and these words.
   void expectRefused(const std::string& text, const std::string& words) const {
     try {
       readText(text);

@@ -1,4 +1,5 @@
-#include "point_line_odometry/triangulation.h"
+
+#include "geometry/triangulation.h"
 
 #include <gtest/gtest.h>
 
@@ -61,19 +62,19 @@ TEST(TriangulatePoint, HandNumbers) {
 
 TEST(TriangulatePoint, CovarianceAgreesWithMonteCarlo) {
   const StereoCamera camera = synthetic::camera();
-  const Vector3d truth(-1.2, 0.8, 6.0);
+  const Vector3d ground_truth(-1.2, 0.8, 6.0);
   const double sigma = 0.2;
-  const Vector2d left = camera.projectLeft(truth);
-  const double right_u = camera.projectRight(truth).x();
+  const Vector2d left = camera.projectLeft(ground_truth);
+  const double right_u = camera.projectRight(ground_truth).x();
   const auto expected = triangulatePoint(camera, left, right_u, sigma, 1.0);
   ASSERT_TRUE(expected);
   synthetic::Random random(2);
   Eigen::Matrix3d sampled = Eigen::Matrix3d::Zero();
   constexpr int kSamples = 20000;
   for (int i = 0; i < kSamples; ++i) {
-    const Vector2d noisy = left + Vector2d(random.normal(sigma), random.normal(sigma));
+    const Vector2d noisy = left + random.normals<2>(sigma);
     const auto p = triangulatePoint(camera, noisy, right_u + random.normal(sigma), sigma, 1.0);
-    const Vector3d error = p.value().p_camera - truth;
+    const Vector3d error = p.value().p_camera - ground_truth;
     sampled += error * error.transpose() / kSamples;
   }
   EXPECT_LT(relativeDifference(sampled, expected->covariance), 0.04);
@@ -93,7 +94,7 @@ TEST(TriangulatePoint, RefusesNaN) {
   EXPECT_FALSE(triangulatePoint(camera, {100.0, 50.0}, kNaN, 0.3, 1.0));
 }
 
-TEST(TriangulateFarPoint, LiesInFrontWhateverIsMeasured) {
+TEST(TriangulateFarPoint, LiesInFrontForAnyDisparity) {
   const StereoCamera camera = synthetic::handCamera();
   const Vector2d left(100.0, 50.0);
   for (const double disparity : {-2.0, -0.1, 0.0, 0.1, 0.9}) {
@@ -104,7 +105,7 @@ TEST(TriangulateFarPoint, LiesInFrontWhateverIsMeasured) {
   }
 }
 
-TEST(TriangulateFarPoint, AClearDisparityIsTakenAndWhatIsTakenFromItIsItsNoise) {
+TEST(TriangulateFarPoint, ShrinkageIsSmallForLargeDisparitiesAndAddedToTheNoise) {
   const StereoCamera camera = synthetic::handCamera();
   const Vector2d left(100.0, 50.0);
   const auto disparity = [&](const TriangulatedPoint& p) {
@@ -167,8 +168,8 @@ TEST(TriangulateLine, CovarianceAgreesWithMonteCarlo) {
   const auto expected =
       triangulateLine(camera, segment(exact[0], exact[1]), segment(exact[2], exact[3]), sigma, {});
   ASSERT_TRUE(expected);
-  Eigen::Matrix<double, 6, 1> truth;
-  truth << a, b;
+  Eigen::Matrix<double, 6, 1> ground_truth;
+  ground_truth << a, b;
   synthetic::Random random(3);
   Matrix6d sampled = Matrix6d::Zero();
   constexpr int kSamples = 20000;
@@ -182,7 +183,7 @@ TEST(TriangulateLine, CovarianceAgreesWithMonteCarlo) {
                                       segment(noisy[2], noisy[3]), sigma, {});
     Eigen::Matrix<double, 6, 1> error;
     error << line.value().start_camera, line->end_camera;
-    error -= truth;
+    error -= ground_truth;
     sampled += error * error.transpose() / kSamples;
   }
   EXPECT_LT(relativeDifference(sampled, expected->covariance), 0.05);
@@ -224,7 +225,7 @@ TEST(TriangulateLine, LimitsTheExtrapolation) {
   EXPECT_TRUE(with(50.0, 400.0));    // a longer one needs no extension
 }
 
-TEST(TriangulateLine, BoundsTheDisparityAtBothEnds) {
+TEST(TriangulateLine, LimitsTheDisparityAtBothEnds) {
   const StereoCamera camera = synthetic::camera();
   LineTriangulationLimits limits;
   limits.min_disparity_px = 2.0;
@@ -243,7 +244,7 @@ TEST(TriangulateLine, BoundsTheDisparityAtBothEnds) {
   EXPECT_FALSE(with(-10.0, -10.0));
 }
 
-TEST(TriangulateLine, RefusesGarbage) {
+TEST(TriangulateLine, RefusesInvalidSegments) {
   const StereoCamera camera = synthetic::camera();
   const LineSegment left = segment({300.0, 100.0}, {300.0, 200.0});
   const LineSegment right = segment({270.0, 100.0}, {270.0, 200.0});

@@ -1,4 +1,4 @@
-/// Whether images and ground truth agree: one image is warped into the other by the exact geometry.
+/// Images and ground truth agree: one image is warped into the other by the exact geometry.
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "ray_caster.h"
+#include "world/plaster.h"
 #include "world/renderer.h"
 #include "world/scene.h"
+#include "world/street.h"
 
 namespace point_line_odometry::world {
 namespace {
@@ -27,7 +29,7 @@ PixelRays rays() {
   return PixelRays::ofRectifiedImage(camera);
 }
 
-/// Mean absolute differences between an image and another one, at places that both see.
+/// Mean absolute differences between an image and another one, at points that both see.
 struct Differences {
   double warped = 0.0;  ///< where the geometry says
   double still = 0.0;   ///< at the same pixel
@@ -59,15 +61,15 @@ Differences compare(const Scene& scene, const Eigen::Isometry3d& T_world_a,
   for (int y = 2; y < kHeight - 2; y += 3) {
     for (int x = 2; x < kWidth - 2; x += 3) {
       const cv::Point2f ray = 0.5F * (camera.corner(x, y) + camera.corner(x + 1, y + 1));
-      const auto place = from_a.hit(ray);
-      if (!place) continue;
-      const Eigen::Vector3d in_b = T_world_b.inverse() * *place;
+      const auto point = from_a.hit(ray);
+      if (!point) continue;
+      const Eigen::Vector3d in_b = T_world_b.inverse() * *point;
       const cv::Point2f back(static_cast<float>(in_b.x() / in_b.z()),
                              static_cast<float>(in_b.y() / in_b.z()));
       const auto warped = sample(images[1], kFocal * back.x + 187.5, kFocal * back.y + 119.5);
       if (!warped || in_b.z() < 0.1) continue;
       const auto seen = from_b.hit(back);
-      if (!seen || (*seen - *place).norm() > 0.02 * in_b.z()) continue;  // hidden
+      if (!seen || (*seen - *point).norm() > 0.02 * in_b.z()) continue;  // hidden
       const double value = static_cast<double>(images[0].at<float>(y, x));
       sum.warped += std::abs(*warped - value);
       sum.still += std::abs(static_cast<double>(images[1].at<float>(y, x)) - value);
@@ -77,21 +79,21 @@ Differences compare(const Scene& scene, const Eigen::Isometry3d& T_world_a,
   return {sum.warped / sum.count, sum.still / sum.count, sum.count};
 }
 
-struct Place {
+struct Situation {
   std::string name;
   std::function<Scene()> make;
   double time_s;  ///< of the first image
   double step_s;
 };
 
-class HardScenes : public testing::TestWithParam<Place> {};
+class HardScenes : public testing::TestWithParam<Situation> {};
 
 TEST_P(HardScenes, PosesAreExact) {
-  const Place place = GetParam();
-  const Scene scene = place.make();
-  const Eigen::Isometry3d T_world_a = scene.course.cameraPose(place.time_s, 1.0, 1.0);
+  const Situation situation = GetParam();
+  const Scene scene = situation.make();
+  const Eigen::Isometry3d T_world_a = scene.trajectory.cameraPose(situation.time_s, 1.0, 1.0);
   const Eigen::Isometry3d T_world_b =
-      scene.course.cameraPose(place.time_s + place.step_s, 1.0, 1.0);
+      scene.trajectory.cameraPose(situation.time_s + situation.step_s, 1.0, 1.0);
   Eigen::Isometry3d T_left_right = Eigen::Isometry3d::Identity();
   T_left_right.translation().x() = 0.11;
   for (const Eigen::Isometry3d& other : {T_world_b, Eigen::Isometry3d(T_world_a * T_left_right)}) {
@@ -103,14 +105,14 @@ TEST_P(HardScenes, PosesAreExact) {
 
 INSTANTIATE_TEST_SUITE_P(
     World, HardScenes,
-    testing::Values(Place{"plaster", [] { return makePlaster(1); }, 4.0, 0.05},
-                    Place{"plasterInATurn", [] { return makePlaster(2); }, 8.3, 0.05},
-                    Place{"hill",
-                          [] {
-                            return makeStreet(1, {0, 0.0, 1.0});
-                          },
-                          5.0, 0.1}),
-    [](const testing::TestParamInfo<Place>& place) { return place.param.name; });
+    testing::Values(Situation{"plaster", [] { return makePlaster(1); }, 4.0, 0.05},
+                    Situation{"plasterInATurn", [] { return makePlaster(2); }, 8.3, 0.05},
+                    Situation{"hill",
+                              [] {
+                                return makeStreet(1, {0, 0.0, 1.0});
+                              },
+                              5.0, 0.1}),
+    [](const testing::TestParamInfo<Situation>& situation) { return situation.param.name; });
 
 }  // namespace
 }  // namespace point_line_odometry::world

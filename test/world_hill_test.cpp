@@ -10,6 +10,7 @@
 #include "ray_caster.h"
 #include "world/renderer.h"
 #include "world/scene.h"
+#include "world/street.h"
 
 namespace point_line_odometry::world {
 namespace {
@@ -35,7 +36,7 @@ PixelRays coarseKittiRays() {
   return PixelRays::ofRectifiedImage(pinhole(718.856 / 12.0, 103, 31));
 }
 
-TEST(Hill, IsSmoothAndAsHighAsAsked) {
+TEST(Hill, IsSmoothAndHasTheGivenHeight) {
   const Hill hill{7.0, 100.0, 75.0};
   EXPECT_NEAR(hill.heightAt(100.0), 7.0, 1e-12);
   EXPECT_NEAR(hill.heightAt(62.5), 3.5, 1e-12);
@@ -54,12 +55,12 @@ TEST(Hill, TheCarDrivesOnItsGroundAndPitchesWithIt) {
     const Scene scene = hilly(seed);
     double highest = 0.0;
     for (double t = 0.0; t < 25.0; t += kFrame_s) {
-      const Eigen::Isometry3d pose = scene.course.cameraPose(t, 1.0, 0.0);
-      const Vector3d place = pose.translation();
-      const double ground = scene.hill.heightAt(place.x());
-      ASSERT_NEAR(place.z() - ground, 1.65, 0.05) << t;
+      const Eigen::Isometry3d pose = scene.trajectory.cameraPose(t, 1.0, 0.0);
+      const Vector3d position = pose.translation();
+      const double ground = scene.hill.heightAt(position.x());
+      ASSERT_NEAR(position.z() - ground, 1.65, 0.05) << t;
       const double slope =
-          (scene.hill.heightAt(place.x() + 0.1) - scene.hill.heightAt(place.x() - 0.1)) / 0.2;
+          (scene.hill.heightAt(position.x() + 0.1) - scene.hill.heightAt(position.x() - 0.1)) / 0.2;
       const Vector3d ahead = pose.linear().col(2);
       if (std::abs(ahead.y()) < 0.01) {
         ASSERT_NEAR(ahead.z() / ahead.x(), slope, 0.01) << t;
@@ -78,7 +79,8 @@ struct Shares {
 };
 
 Shares sharesAt(const Scene& scene, double time_s, const PixelRays& rays) {
-  const RayCaster caster(scene, scene.course.cameraPose(time_s, 1.0, 1.0), rays.bounds(rays.all()));
+  const RayCaster caster(scene, scene.trajectory.cameraPose(time_s, 1.0, 1.0),
+                         rays.bounds(rays.all()));
   Shares shares;
   const double pixel = 1.0 / (rays.width() * rays.height());
   for (int y = 0; y < rays.height(); ++y) {
@@ -114,7 +116,7 @@ TEST(Hill, LittleIsSeenForSecondsButRoadVergeAndSky) {
   }
 }
 
-/// Places along x where a road begins and ends to be painted in its middle, seen from above.
+/// Values of x at which dashes in the middle of a road begin and end, seen from above.
 std::vector<double> edgesOfPaint(const Scene& scene, double middle_x) {
   constexpr double kHeight = 20.0;
   constexpr double kFocal = 800.0;
@@ -149,10 +151,10 @@ TEST(Hill, CarsDriveOverIt) {
   const Scene scene = makeStreet(3, {4, 0.0, 1.0});
   double highest = 0.0;
   for (double t = 0.0; t < 60.0; t += 0.5) {
-    for (const Instance& mover : placeMovers(scene, t)) {
-      const Vector3d place = mover.T_world_object.translation();
-      ASSERT_EQ(place.z(), scene.hill.heightAt(place.x()));
-      highest = std::max(highest, place.z());
+    for (const Instance& mover : poseMovers(scene, t)) {
+      const Vector3d position = mover.T_world_object.translation();
+      ASSERT_EQ(position.z(), scene.hill.heightAt(position.x()));
+      highest = std::max(highest, position.z());
     }
   }
   EXPECT_GT(highest, 6.0);

@@ -36,7 +36,7 @@ float meanOfFinePatches(const Material& m, float u, float v, float size) {
   return sum / (kSteps * kSteps);
 }
 
-TEST(Material, IsAFunctionOfPlaceAndSeed) {
+TEST(Material, IsAFunctionOfPositionAndSeed) {
   for (const Pattern pattern : kPatterns) {
     Material m = material(pattern);
     const float first = reflectance(m, patchAt(0.13F, 0.11F, 0.002F));
@@ -86,7 +86,7 @@ TEST(Material, LargePatchIsTheMeanOfSmallOnes) {
   }
 }
 
-TEST(Material, ChangesSmoothlyWithSizeAndPlaceOfThePatch) {
+TEST(Material, ChangesSmoothlyWithSizeAndPositionOfThePatch) {
   for (const Pattern pattern : kPatterns) {
     const Material m = material(pattern);
     constexpr float kSize = 0.05F;
@@ -99,7 +99,7 @@ TEST(Material, ChangesSmoothlyWithSizeAndPlaceOfThePatch) {
   }
 }
 
-// What a matcher compares is nowhere the same by accident.
+// Descriptors at different positions are not equal by accident.
 TEST(Material, DoesNotRepeat) {
   for (const Pattern pattern :
        {Pattern::kRough, Pattern::kBricks, Pattern::kLeaves, Pattern::kSpots}) {
@@ -123,7 +123,7 @@ TEST(Material, DoesNotRepeat) {
 }
 
 /// Variance of the means over squares of a size, over the variance of the pattern itself, both
-/// round the mean of half a metre.
+/// around the mean of half a metre.
 double shareLeftInMeans(const Material& m, float size) {
   double of_means = 0.0;
   double of_pattern = 0.0;
@@ -166,7 +166,7 @@ TEST(Windows, ARecessShowsItsSideToASlantingRay) {
   const float side = reflectance(m, patch);
   EXPECT_NEAR(side, 0.65F * m.albedo, 1e-3F);
   EXPECT_GT(std::abs(side - straight), 0.2F);
-  patch.u = left_edge - 0.05F;  // beside the opening: the wall, from every side
+  patch.u = left_edge - 0.05F;  // next to the opening: the wall, from every side
   EXPECT_NEAR(reflectance(m, patch), m.albedo, 1e-3F);
 }
 

@@ -1,4 +1,4 @@
-/// Dark rooms of plaster: whether their images are as hard as they are meant to be.
+/// Dark rooms of plaster: noise and contrast of their images.
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "point_line_odometry/synthetic_world.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
@@ -20,7 +20,7 @@ SyntheticWorldOptions plaster(int seed) {
   return options;
 }
 
-/// The same place again and again; only the noise differs from frame to frame.
+/// A stationary camera: only the noise differs from frame to frame.
 SyntheticWorldOptions standing(int seed) {
   SyntheticWorldOptions options = plaster(seed);
   options.speed = 0.0;
@@ -56,7 +56,7 @@ TEST(Plaster, PixelsHaveANoiseOf5To8GreyLevels) {
 }
 
 /// Spots and the light's drift without the noise, in squares that show no edge.
-TEST(Plaster, SpotsAreFainterThanTheNoise) {
+TEST(Plaster, ContrastOfSpotsIsBelowTheNoise) {
   for (const int seed : {1, 2, 3}) {
     SyntheticWorldOptions options = standing(seed);
     options.noise = 0.0;
@@ -81,7 +81,7 @@ TEST(Plaster, FramesTakenSparselyAreThoseOfTheSameFlight) {
               static_cast<double>(dense.framesForLength(100.0)) / 8.0, 4.0);
 }
 
-TEST(Plaster, OptionsGoBeforeTheScenesOwnExposure) {
+TEST(Plaster, OptionsOverrideTheScenesOwnExposure) {
   const SyntheticWorldOptions own = plaster(5);
   SyntheticWorldOptions asked = own;
   asked.motion_blur_ms = 15.0;

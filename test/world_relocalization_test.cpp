@@ -1,4 +1,4 @@
-/// A camera that lost its way finds itself in the map again, and never where it is not.
+/// A lost camera is relocalized in the map, and never at a wrong position.
 
 #include <gtest/gtest.h>
 
@@ -8,16 +8,19 @@
 #include <string>
 #include <vector>
 
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
-#include "point_line_odometry/synthetic_world.h"
+#include "point_line_odometry/types.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
 
 double angleDeg(const Eigen::Matrix3d& R) { return Eigen::AngleAxisd(R).angle() * 180.0 / M_PI; }
 
-/// The built-in world as the odometry sees it: rectified.
+/// Rectified images of the built-in world.
 class Camera {
  public:
   explicit Camera(const SyntheticWorldOptions& options)
@@ -35,7 +38,7 @@ class Camera {
     return world_.needsRectification() ? rectifier_.rectify(images) : images;
   }
 
-  /// What a covered camera sees.
+  /// Images of a covered camera.
   StereoImages black(std::size_t frame) const {
     StereoImages images;
     images.stamp_ns = world_.pose(frame).stamp_ns;
@@ -45,7 +48,7 @@ class Camera {
   }
 
   /// Of the rectified left camera, relative to frame 0.
-  Eigen::Isometry3d truth(std::size_t frame) const {
+  Eigen::Isometry3d ground_truth(std::size_t frame) const {
     return T_rectified_raw_ * world_.pose(frame).T_world_camera * T_rectified_raw_.inverse();
   }
 
@@ -58,7 +61,7 @@ class Camera {
 constexpr double kPeriod_s = 0.1;
 constexpr double kEnd_s = 15.0;
 
-/// Times between which something happens [s].
+/// An interval of time [s].
 struct Interval {
   double from_s;
   double to_s;
@@ -66,7 +69,7 @@ struct Interval {
   bool contains(double time_s) const { return time_s >= from_s && time_s < to_s; }
 };
 
-/// A camera in rooms that sways a little; in an interval it is turned away and carried on by 0.3 m.
+/// A camera in rooms that sways a little; in an interval it is turned away and moved by 0.3 m.
 std::vector<StampedPose> excursion(const Interval& away, double yaw_rad) {
   std::vector<StampedPose> path;
   for (double time_s = 0.0; time_s < kEnd_s; time_s += kPeriod_s) {
@@ -90,8 +93,8 @@ struct Step {
   double error_deg = 0.0;
 };
 
-/// What becomes of a camera on a path through rooms that is covered in some intervals.
-/// \param handed_over_s when another odometry goes on from the saved state; negative: never.
+/// Runs the odometry on a path through rooms with a camera that is covered in some intervals.
+/// \param handed_over_s when another odometry continues from the saved state; negative: never.
 std::vector<Step> runCovered(const std::vector<StampedPose>& path,
                              const std::vector<Interval>& covered, const Parameters& parameters,
                              double handed_over_s = -1.0) {
@@ -114,7 +117,7 @@ std::vector<Step> runCovered(const std::vector<StampedPose>& path,
       return interval.contains(step.time_s);
     });
     step.result = odometry.process(dark ? camera.black(k) : camera.images(k));
-    const Eigen::Isometry3d error = step.result.T_odom_estimate.inverse() * camera.truth(k);
+    const Eigen::Isometry3d error = step.result.T_odom_estimate.inverse() * camera.ground_truth(k);
     step.error_m = error.translation().norm();
     step.error_deg = angleDeg(error.linear());
     steps.push_back(step);
@@ -122,8 +125,8 @@ std::vector<Step> runCovered(const std::vector<StampedPose>& path,
   return steps;
 }
 
-/// The frames by which the camera was found again [s].
-std::vector<double> timesFound(const std::vector<Step>& steps) {
+/// Times of the frames that were relocalized [s].
+std::vector<double> relocalizationTimes(const std::vector<Step>& steps) {
   std::vector<double> times_s;
   for (const Step& step : steps) {
     if (step.result.counts.relocalizations > 0) times_s.push_back(step.time_s);
@@ -142,14 +145,14 @@ void expectNoJump(const std::vector<Step>& steps) {
   }
 }
 
-/// What has not faded yet of the correction [m].
+/// The part of the correction that is not applied yet [m].
 Eigen::Vector3d offset(const FrameResult& result) {
   return result.T_odom_camera.translation() - result.T_odom_estimate.translation();
 }
 
-/// Five seconds in the dark: it is turned by 86 degrees and back, and knows where it is from the
-/// first frame on that shows something; what it held meanwhile fades out.
-TEST(Relocalization, ACoveredCameraThatComesBackKnowsWhereItIs) {
+/// Five seconds in the dark: the camera is turned by 86 degrees and back, and relocalized at the
+/// first frame that shows something; the error of the pose kept meanwhile is corrected gradually.
+TEST(Relocalization, ACoveredCameraThatComesBackIsRelocalized) {
   const std::vector<Step> steps = runCovered(excursion({3.5, 7.5}, 1.5), {{3.0, 8.0}}, {});
   expectNoJump(steps);
   for (const Step& step : steps) {
@@ -161,23 +164,23 @@ TEST(Relocalization, ACoveredCameraThatComesBackKnowsWhereItIs) {
     EXPECT_LT(step.error_deg, 0.1) << step.time_s;
     const Eigen::Matrix3d covariance = step.result.pose_covariance.topLeftCorner<3, 3>();
     EXPECT_GE(covariance.trace(), offset(step.result).squaredNorm())
-        << "the covariance knows of what has not faded";
+        << "the covariance contains the correction that is left";
   }
   EXPECT_LT(offset(steps.back().result).norm(), 0.01);
 }
 
-/// Covered while it turns by 150 degrees, again while it turns back; between them it sees another
-/// wall, and makes a map of its own there: that it is back is found in the first one.
-std::vector<Step> seeAnotherPlaceMeanwhile(const Parameters& parameters,
-                                           double handed_over_s = -1.0) {
+/// Covered while it turns by 150 degrees, again while it turns back; in between it sees another
+/// wall, where another map is started: afterwards it is relocalized in the first one.
+std::vector<Step> seeAnotherWallMeanwhile(const Parameters& parameters,
+                                          double handed_over_s = -1.0) {
   return runCovered(excursion({3.0, 9.0}, 2.6), {{2.9, 5.0}, {7.0, 9.0}}, parameters,
                     handed_over_s);
 }
 
-TEST(Relocalization, ACameraThatSawAnotherPlaceMeanwhileFindsTheFirstOneAgain) {
-  const std::vector<Step> steps = seeAnotherPlaceMeanwhile({});
+TEST(Relocalization, ACameraThatSawAnotherWallMeanwhileIsRelocalizedInTheFirstMap) {
+  const std::vector<Step> steps = seeAnotherWallMeanwhile({});
   expectNoJump(steps);
-  const std::vector<double> times_s = timesFound(steps);
+  const std::vector<double> times_s = relocalizationTimes(steps);
   ASSERT_EQ(times_s.size(), 1U);
   EXPECT_NEAR(times_s[0], 9.0, 0.11);
   for (const Step& step : steps) {
@@ -186,23 +189,23 @@ TEST(Relocalization, ACameraThatSawAnotherPlaceMeanwhileFindsTheFirstOneAgain) {
       EXPECT_LT(step.error_m, 0.01) << step.time_s;
       EXPECT_LT(step.error_deg, 0.1) << step.time_s;
     } else if (Interval{5.2, 7.0}.contains(step.time_s)) {
-      EXPECT_EQ(step.result.state, TrackingState::kOk) << "the other place is tracked";
-      EXPECT_GT(step.error_deg, 10.0) << "where it is cannot be known";
+      EXPECT_EQ(step.result.state, TrackingState::kOk) << "the other wall is tracked";
+      EXPECT_GT(step.error_deg, 10.0) << "the pose relative to the first map cannot be known";
     }
   }
 }
 
-TEST(Relocalization, ALostMapIsKeptForTheTimeAskedFor) {
+TEST(Relocalization, ALostMapIsKeptForTheGivenTime) {
   Parameters parameters;
   parameters.tracking.relocalization_s = 2.0;
-  const std::vector<Step> steps = seeAnotherPlaceMeanwhile(parameters);
-  EXPECT_TRUE(timesFound(steps).empty());
+  const std::vector<Step> steps = seeAnotherWallMeanwhile(parameters);
+  EXPECT_TRUE(relocalizationTimes(steps).empty());
   EXPECT_GT(steps.back().error_deg, 5.0);
 }
 
 TEST(Relocalization, TheLostMapIsPartOfTheState) {
-  const std::vector<Step> steps = seeAnotherPlaceMeanwhile({}, 6.0);
-  EXPECT_EQ(timesFound(steps).size(), 1U);
+  const std::vector<Step> steps = seeAnotherWallMeanwhile({}, 6.0);
+  EXPECT_EQ(relocalizationTimes(steps).size(), 1U);
   EXPECT_LT(steps.back().error_m, 0.01);
 }
 
@@ -210,9 +213,9 @@ constexpr std::int64_t kGap_ns = 5'000'000'000;
 
 struct Place {
   int index = 0;
-  std::string state;  // of an odometry that has just been there
+  std::string state;  // of an odometry that has just seen it
   Eigen::Isometry3d T_odom_camera;
-  Eigen::Isometry3d truth;
+  Eigen::Isometry3d ground_truth;
   StereoImages images;
 };
 
@@ -223,9 +226,9 @@ struct WorldCase {
 
 class DifferentPlaces : public ::testing::TestWithParam<WorldCase> {};
 
-/// 1056 tries in four worlds, whose rooms, doors and houses look much alike: what is found must be
-/// right, as it is where one place can be seen from another.
-TEST_P(DifferentPlaces, AreNotTakenForEachOther) {
+/// 1056 tries in four worlds with rooms, doors and houses of similar appearance: a relocalization
+/// must be correct, as it is where one position is in view of another.
+TEST_P(DifferentPlaces, AreNotConfused) {
   constexpr int kPlaces = 12;
   int tries = 0;
   int found = 0;
@@ -244,7 +247,7 @@ TEST_P(DifferentPlaces, AreNotTakenForEachOther) {
       for (std::size_t k = 0; k < 5; ++k) {
         place.images = camera.images(first + k);
         place.T_odom_camera = odometry.process(place.images).T_odom_estimate;
-        place.truth = camera.truth(first + k);
+        place.ground_truth = camera.ground_truth(first + k);
       }
       place.state = odometry.saveState();
       places.push_back(place);
@@ -260,7 +263,8 @@ TEST_P(DifferentPlaces, AreNotTakenForEachOther) {
         if (result.counts.relocalizations == 0) continue;
         ++found;
         const Eigen::Isometry3d T_found = known.T_odom_camera.inverse() * result.T_odom_estimate;
-        const Eigen::Isometry3d error = T_found.inverse() * known.truth.inverse() * seen.truth;
+        const Eigen::Isometry3d error =
+            T_found.inverse() * known.ground_truth.inverse() * seen.ground_truth;
         EXPECT_LT(error.translation().norm(), 0.1)
             << seed << ": " << known.index << " " << seen.index;
         EXPECT_LT(angleDeg(error.linear()), 0.5)

@@ -5,6 +5,7 @@
 #include <opencv2/calib3d.hpp>
 #include <vector>
 
+#include "world/indoor.h"
 #include "world/renderer.h"
 
 namespace point_line_odometry::world {
@@ -49,7 +50,7 @@ Material plain(float albedo) {
   return material;
 }
 
-/// A rectangle across the view, seen from the camera: from x_low to x_high and z_low to z_high.
+/// A rectangle facing the camera: from x_low to x_high and z_low to z_high.
 void addScreen(double depth, const Eigen::Vector2d& x, const Eigen::Vector2d& z, float albedo,
                Scene* scene) {
   ObjectBuilder builder;
@@ -125,7 +126,7 @@ TEST(Renderer, RightCameraSeesTheDisparity) {
   EXPECT_NEAR(shift, kFocal * 0.3 / 4.0, 0.06);
 }
 
-TEST(Renderer, NearHidesFarInEveryOrder) {
+TEST(Renderer, NearOccludesFarInAnyOrder) {
   const PixelRays rays = PixelRays::ofRectifiedImage(pinhole());
   for (const bool near_first : {true, false}) {
     Scene scene = wall(0.1F);
@@ -151,7 +152,7 @@ TEST(Renderer, SurfacesThatPassThroughEachOtherMeetInALine) {
   EXPECT_NEAR(image.at<float>(60, 90), 0.2F, 1e-6);
 }
 
-TEST(Renderer, NothingIsTooThinToBeSeen) {
+TEST(Renderer, ThinSurfacesAreNotMissed) {
   const PixelRays rays = PixelRays::ofRectifiedImage(pinhole());
   // A wire of 0.2 px: wherever it lies, it takes 20 % of a pixel's width.
   for (double x = 0.0; x < 0.01; x += 0.0013) {
@@ -162,7 +163,7 @@ TEST(Renderer, NothingIsTooThinToBeSeen) {
   }
 }
 
-TEST(Renderer, BackSidesAndWhatIsBehindAreNotSeen) {
+TEST(Renderer, BackFacesAndSurfacesBehindTheCameraAreNotDrawn) {
   const PixelRays rays = PixelRays::ofRectifiedImage(pinhole());
   Scene scene = wall(0.3F);
   addScreen(-2.0, {-10.0, 10.0}, {-10.0, 10.0}, 1.0F, &scene);
@@ -212,7 +213,7 @@ TEST(Renderer, LightFallsByDirection) {
 TEST(Renderer, SameBytesWhateverTheNumberOfThreads) {
   const PixelRays rays = PixelRays::ofRectifiedImage(pinhole());
   const Scene scene = makeIndoor(3);
-  const View view{&rays, scene.course.cameraPose(2.0, 1.0, 1.0)};
+  const View view{&rays, scene.trajectory.cameraPose(2.0, 1.0, 1.0)};
   const int threads = cv::getNumThreads();
   cv::setNumThreads(1);
   const cv::Mat one = render(scene, {}, {view})[0];

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
@@ -24,15 +25,15 @@ struct CameraCalibration {
       Eigen::Matrix<double, 3, 4>::Zero();  ///< projection of the rectified camera [px]
 };
 
-/// Calibration of a stereo pair. P of the right camera carries the baseline: P(0, 3) = -fx *
+/// Calibration of a stereo pair. P of the right camera contains the baseline: P(0, 3) = -fx *
 /// baseline.
 struct StereoCalibration {
-  CameraCalibration left;
-  CameraCalibration right;
+  CameraCalibration left;   ///< the frame of the stereo pair
+  CameraCalibration right;  ///< to the right of it
 };
 
 /// The rectified pair that the two P matrices describe. Throws std::invalid_argument that names the
-/// field, its value and the cure if the P matrices are zero, not finite, of different cameras, or
+/// field, its value and what to do if the P matrices are zero, not finite, of different cameras, or
 /// give a baseline <= 0.
 StereoCamera rectifiedCamera(const StereoCalibration& calibration);
 
@@ -47,17 +48,18 @@ Eigen::Isometry3d poseOfRightInLeft(const StereoCalibration& calibration);
 StereoCalibration rectifyCalibration(StereoCalibration calibration,
                                      const Eigen::Isometry3d& T_right_left);
 
-/// Turns raw image pairs into rectified ones. The look-up tables are made once.
+/// Turns raw image pairs into rectified ones. The look-up tables are computed once.
 class StereoRectifier {
  public:
   /// Throws std::invalid_argument like rectifiedCamera(), and if K or R is unusable or the
   /// distortion model unknown.
   explicit StereoRectifier(const StereoCalibration& calibration);
 
-  /// Rectified copies of a raw CV_8UC1 pair of the calibrated size (throws std::invalid_argument
-  /// for other sizes).
+  /// Rectified copies of a raw CV_8UC1 pair of the calibrated size and of its masks (throws
+  /// std::invalid_argument for other sizes).
   StereoImages rectify(const StereoImages& raw) const;
 
+  /// The camera that would take the rectified images.
   const StereoCamera& camera() const { return camera_; }
 
   /// Rotates coordinates of the raw left camera to the rectified left camera.
@@ -68,6 +70,8 @@ class StereoRectifier {
     cv::Mat xy;      // CV_16SC2: integer source pixel
     cv::Mat weight;  // CV_16UC1: index of the interpolation weights
   };
+
+  static cv::Mat rectifyMask(const cv::Mat& raw, const Maps& maps);
 
   StereoCamera camera_;
   Eigen::Matrix3d R_rectified_raw_;

@@ -2,23 +2,20 @@
 
 #include <Eigen/Core>
 
-#include "point_line_odometry/types.h"
-
 namespace point_line_odometry {
 
 /// Rectified pinhole pair: one set of intrinsics [px], the right camera at +baseline_m on the left
 /// camera's x axis.
 struct StereoCamera {
-  double fx = 0.0;
-  double fy = 0.0;
-  double cx = 0.0;
-  double cy = 0.0;
-  double baseline_m = 0.0;
-  int width = 0;
-  int height = 0;
+  double fx = 0.0;          ///< focal length in pixels along u
+  double fy = 0.0;          ///< the same along v
+  double cx = 0.0;          ///< principal point: u [px]
+  double cy = 0.0;          ///< principal point: v [px]
+  double baseline_m = 0.0;  ///< distance of the two cameras
+  int width = 0;            ///< of an image [px]
+  int height = 0;           ///< of an image [px]
 
-  /// Throws std::invalid_argument that names the first field that cannot be right, its value and
-  /// the cure.
+  /// Throws std::invalid_argument that names the first invalid field, its value and what to do.
   void validate() const;
 
   /// Pixel of a point in the left camera's frame [m]; the point must be in front of the camera (z >
@@ -33,10 +30,12 @@ struct StereoCamera {
             fy * p_camera.y() / p_camera.z() + cy};
   }
 
+  /// The same camera, to the last bit.
   bool operator==(const StereoCamera& other) const {
     return fx == other.fx && fy == other.fy && cx == other.cx && cy == other.cy &&
            baseline_m == other.baseline_m && width == other.width && height == other.height;
   }
+  /// Another camera.
   bool operator!=(const StereoCamera& other) const { return !(*this == other); }
 };
 

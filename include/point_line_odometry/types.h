@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Conventions of this package, and the small types every stage shares.
+/// Conventions of this package, and the small types that all stages share.
 ///
 /// Frames. `T_a_b` maps coordinates in frame b to frame a: `p_a = T_a_b * p_b`. A camera frame has
 /// x right, y down, z forward (REP-103 optical); "camera" without more is the *rectified left*
@@ -17,23 +17,38 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <array>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
 
 namespace point_line_odometry {
 
+/// Translation or linear velocity, then rotation or angular velocity.
 using Vector6d = Eigen::Matrix<double, 6, 1>;
+/// Covariance of a Vector6d.
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
-/// 256-bit binary descriptor, of points (rotated BRIEF) and of lines (LBD) alike.
-using Descriptor = std::array<std::uint64_t, 4>;
+/// A straight edge. It is directed: seen from start to end, the brighter side is on the right in
+/// the image (x right, y down), so that the same edge has the same direction in every image.
+struct LineSegment {
+  Eigen::Vector2f start = Eigen::Vector2f::Zero();  ///< [px]
+  Eigen::Vector2f end = Eigen::Vector2f::Zero();    ///< [px]
 
-/// One synchronised, rectified pair of images: both CV_8UC1 and of the size that the camera says.
+  /// From start to end, of unit length.
+  Eigen::Vector2f direction() const { return (end - start).normalized(); }
+  /// [px]
+  Eigen::Vector2f middle() const { return 0.5F * (start + end); }
+  /// [px]
+  float length() const { return (end - start).norm(); }
+};
+
+/// One synchronised, rectified pair of images: both CV_8UC1 and of the camera's size. Each may have
+/// a mask of the same type and size: pixels where it is 0 are ignored, as if the image ended there.
 struct StereoImages {
-  cv::Mat left;
-  cv::Mat right;
-  std::int64_t stamp_ns = 0;
+  cv::Mat left;               ///< CV_8UC1
+  cv::Mat right;              ///< CV_8UC1
+  std::int64_t stamp_ns = 0;  ///< when both were taken, from any epoch
+  cv::Mat left_mask = {};     ///< empty: no pixel is ignored
+  cv::Mat right_mask = {};    ///< the same for the right image
 };
 
 /// A difference of stamps in seconds.

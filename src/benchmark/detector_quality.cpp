@@ -14,18 +14,18 @@ namespace point_line_odometry {
 namespace {
 
 const cv::Size kWindow(21, 21);
-constexpr int kMaxLevel = 5;              // of the pyramid
-constexpr int kMaxLevelFromStart = 2;     // where tracking begins near its end
-constexpr int kMaxDisparity = 160;        // [px], a multiple of 16
-constexpr double kMinEigenvalue = 1e-6;   // points of an edge slide along it, and are kept
-constexpr double kMaxReturnAcross = 0.5;  // [px]
-constexpr double kMaxFromLine = 1.0;      // [px]
+constexpr int kMaxLevel = 5;                   // of the pyramid
+constexpr int kMaxLevelFromStart = 2;          // with a start near the solution
+constexpr int kMaxDisparity = 160;             // [px], a multiple of 16
+constexpr double kMinEigenvalue = 1e-6;        // points of an edge slide along it, and are kept
+constexpr double kMaxReturnAlongNormal = 0.5;  // [px]
+constexpr double kMaxFromLine = 1.0;           // [px]
 constexpr double kMinPointShare = 2.0 / 3.0;
 constexpr float kPointSpacing = 4.0F;  // [px]
 constexpr int kMinPoints = 6;          // on a segment
 constexpr int kMaxPoints = 30;         // on a segment
 constexpr double kMaxStretch = 2.0;    // of a segment's length from one image to the other
-constexpr double kSampleStep = 0.5;    // across an edge [px]
+constexpr double kSampleStep = 0.5;    // along the normal of an edge [px]
 constexpr float kMargin = 2.0F;        // of bicubic interpolation [px]
 
 Eigen::Vector2f normalOf(const LineSegment& segment) {
@@ -34,7 +34,7 @@ Eigen::Vector2f normalOf(const LineSegment& segment) {
 }
 
 /// Distance of a point to the endless line of a segment.
-double distanceAcross(const LineSegment& segment, const Eigen::Vector2f& point) {
+double normalDistance(const LineSegment& segment, const Eigen::Vector2f& point) {
   return std::abs(normalOf(segment).dot(point - segment.start));
 }
 
@@ -44,19 +44,19 @@ struct SegmentPoints {
   std::vector<std::size_t> begins{0};
 };
 
-SegmentPoints spreadPoints(const std::vector<LineSegment>& segments) {
-  SegmentPoints spread;
+SegmentPoints pointsOn(const std::vector<LineSegment>& segments) {
+  SegmentPoints sampled;
   for (const LineSegment& segment : segments) {
     const int n =
         std::clamp(static_cast<int>(segment.length() / kPointSpacing) + 1, kMinPoints, kMaxPoints);
     for (int i = 0; i < n; ++i) {
       const float t = static_cast<float>(i) / static_cast<float>(n - 1);
       const Eigen::Vector2f p = segment.start + t * (segment.end - segment.start);
-      spread.points.emplace_back(p.x(), p.y());
+      sampled.points.emplace_back(p.x(), p.y());
     }
-    spread.begins.push_back(spread.points.size());
+    sampled.begins.push_back(sampled.points.size());
   }
-  return spread;
+  return sampled;
 }
 
 /// \param start shift of each pixel, or empty.
@@ -77,14 +77,14 @@ std::vector<cv::Point2f> trackPoints(const TrackingImage& from, const TrackingIm
   return tracked;
 }
 
-/// Disparity of each pixel of the left image [px]; where none is found the largest one near it (an
-/// edge belongs to what is in front), or else 0.
+/// Disparity of each pixel of the left image [px]; where there is none the largest one near it (an
+/// edge belongs to the object in front), or else 0.
 cv::Mat denseDisparity(const cv::Mat& left, const cv::Mat& right) {
   constexpr int kBlock = 5;
   constexpr int kSmooth = 8 * kBlock * kBlock;
   const auto matcher = cv::StereoSGBM::create(0, kMaxDisparity, kBlock, kSmooth, 4 * kSmooth, 2, 63,
                                               10, 100, 2, cv::StereoSGBM::MODE_SGBM_3WAY);
-  // It leaves as many columns at the left as there are disparities.
+  // StereoSGBM leaves out as many columns at the left as there are disparities.
   cv::Mat wide_left;
   cv::Mat wide_right;
   cv::copyMakeBorder(left, wide_left, 0, 0, kMaxDisparity, 0, cv::BORDER_REPLICATE);
@@ -107,14 +107,14 @@ cv::Mat mirrored(const cv::Mat& image) {
   return result;
 }
 
-/// A point of a segment, where it is in the other image.
+/// A point of a segment and its pixel in the other image.
 struct TrackedPoint {
   double along = 0.0;  // from the segment's start, before [px]
-  Eigen::Vector2f place = Eigen::Vector2f::Zero();
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
-/// How places along one line follow from those along another: y = offset + slope * x. The slope is
-/// the median of those between points half the list apart (as Theil and Sen do).
+/// Robust linear map of positions along a line, y = offset + slope * x. The slope is the median
+/// over pairs of points half the list apart (Theil-Sen estimator).
 struct AlongMap {
   double offset = 0.0;
   double slope = 1.0;
@@ -136,20 +136,20 @@ struct AlongMap {
 std::optional<LineSegment> segmentThrough(const std::vector<TrackedPoint>& points, double length,
                                           std::size_t needed) {
   if (points.size() < needed) return std::nullopt;
-  std::vector<cv::Point2f> places;
-  for (const TrackedPoint& point : points) places.emplace_back(point.place.x(), point.place.y());
+  std::vector<cv::Point2f> pixels;
+  for (const TrackedPoint& point : points) pixels.emplace_back(point.pixel.x(), point.pixel.y());
   cv::Vec4f line;
-  cv::fitLine(places, line, cv::DIST_HUBER, 0, 0.01, 0.01);
+  cv::fitLine(pixels, line, cv::DIST_HUBER, 0, 0.01, 0.01);
   Eigen::Vector2f direction(line[0], line[1]);
-  if (direction.dot(points.back().place - points.front().place) < 0.0F) direction = -direction;
+  if (direction.dot(points.back().pixel - points.front().pixel) < 0.0F) direction = -direction;
   const Eigen::Vector2f origin(line[2], line[3]);
   const LineSegment whole{origin, origin + direction};
   std::vector<double> before;
   std::vector<double> after;
   for (const TrackedPoint& point : points) {
-    if (distanceAcross(whole, point.place) > kMaxFromLine) continue;
+    if (normalDistance(whole, point.pixel) > kMaxFromLine) continue;
     before.push_back(point.along);
-    after.push_back(direction.dot(point.place - origin));
+    after.push_back(direction.dot(point.pixel - origin));
   }
   if (before.size() < needed) return std::nullopt;
   const AlongMap map(before, after);
@@ -157,8 +157,8 @@ std::optional<LineSegment> segmentThrough(const std::vector<TrackedPoint>& point
                      origin + static_cast<float>(map.offset + map.slope * length) * direction};
 }
 
-/// Weights of four pixels in a row for a place t (0 ... 1) between the middle ones (Catmull and
-/// Rom).
+/// Weights of four adjacent pixels for a position t (0 ... 1) between the middle ones
+/// (Catmull-Rom).
 std::array<float, 4> cubicWeights(float t) {
   const float t2 = t * t;
   const float t3 = t2 * t;
@@ -166,13 +166,13 @@ std::array<float, 4> cubicWeights(float t) {
           0.5F * (t + 4.0F * t2 - 3.0F * t3), 0.5F * (t3 - t2)};
 }
 
-/// Grey level between pixels, bicubic; the place must be at least kMargin from the image's sides.
+/// Grey level at a sub-pixel position, bicubic; at least kMargin from the image's border.
 /// (Bilinear interpolation would move edges by up to a tenth of a pixel.)
-float greyAt(const cv::Mat& image, const Eigen::Vector2f& place) {
-  const int left = static_cast<int>(place.x());
-  const int top = static_cast<int>(place.y());
-  const std::array<float, 4> across = cubicWeights(place.x() - static_cast<float>(left));
-  const std::array<float, 4> down = cubicWeights(place.y() - static_cast<float>(top));
+float greyAt(const cv::Mat& image, const Eigen::Vector2f& pixel) {
+  const int left = static_cast<int>(pixel.x());
+  const int top = static_cast<int>(pixel.y());
+  const std::array<float, 4> across = cubicWeights(pixel.x() - static_cast<float>(left));
+  const std::array<float, 4> down = cubicWeights(pixel.y() - static_cast<float>(top));
   float grey = 0.0F;
   for (int i = 0; i < 4; ++i) {
     const auto* row = image.ptr<float>(top - 1 + i) + left - 1;
@@ -182,17 +182,17 @@ float greyAt(const cv::Mat& image, const Eigen::Vector2f& place) {
   return grey;
 }
 
-/// True if a place is at least `margin` px within the outermost pixels' centres.
+/// True if a position is at least `margin` px within the outermost pixels' centres.
 bool inside(const cv::Mat& image, const Eigen::Vector2f& p, float margin) {
   return p.x() >= margin && p.y() >= margin &&
          p.x() <= static_cast<float>(image.cols - 1) - margin &&
          p.y() <= static_cast<float>(image.rows - 1) - margin;
 }
 
-/// Change of the grey level across a segment [grey levels / px], from -reach to +reach px of a
-/// place on it; empty if part of that lies outside the image.
-std::vector<double> profileAcross(const cv::Mat& smooth, const Eigen::Vector2f& centre,
-                                  const Eigen::Vector2f& normal, double reach) {
+/// Gradient along the normal of a segment [grey levels / px], from -reach to +reach px of a point
+/// on it; empty if part of that is outside the image.
+std::vector<double> profileAlongNormal(const cv::Mat& smooth, const Eigen::Vector2f& centre,
+                                       const Eigen::Vector2f& normal, double reach) {
   const Eigen::Vector2f furthest = static_cast<float>(reach + kSampleStep) * normal;
   if (!inside(smooth, centre - furthest, kMargin) || !inside(smooth, centre + furthest, kMargin)) {
     return {};
@@ -208,7 +208,7 @@ std::vector<double> profileAcross(const cv::Mat& smooth, const Eigen::Vector2f& 
   return slopes;
 }
 
-/// Offset of the strongest change in the sense of `sign`, by a parabola.
+/// Offset of the largest gradient of the given sign, interpolated by a parabola.
 std::optional<double> strongestChange(const std::vector<double>& slopes, double sign,
                                       const QualityOptions& options) {
   const auto best = std::max_element(slopes.begin(), slopes.end(),
@@ -234,7 +234,7 @@ EdgeOffsets edgeOffsetsOf(const cv::Mat& smooth, const LineSegment& segment,
   double sum_on_segment = 0.0;
   for (int i = 0; i < n; ++i) {
     const Eigen::Vector2f p = segment.start + (static_cast<float>(i) + 0.5F) * direction;
-    profiles.push_back(profileAcross(smooth, p, normal, options.search_px));
+    profiles.push_back(profileAlongNormal(smooth, p, normal, options.search_px));
     if (!profiles.back().empty()) sum_on_segment += profiles.back()[profiles.back().size() / 2];
   }
   const double sign = sum_on_segment < 0.0 ? -1.0 : 1.0;
@@ -259,7 +259,7 @@ TrackingImage::TrackingImage(const cv::Mat& image) {
 }
 
 TrackingStart startFromDisparity(const cv::Mat& left, const cv::Mat& right) {
-  // Seen in a mirror, the right image is the left one of the pair.
+  // Mirrored, the right image is the left one of the pair.
   return {denseDisparity(left, right), mirrored(-denseDisparity(mirrored(right), mirrored(left)))};
 }
 
@@ -269,24 +269,24 @@ std::vector<std::optional<LineSegment>> trackSegments(const TrackingImage& from,
                                                       const TrackingStart& start) {
   std::vector<std::optional<LineSegment>> result;
   if (segments.empty()) return result;
-  const SegmentPoints spread = spreadPoints(segments);
+  const SegmentPoints sampled = pointsOn(segments);
   std::vector<std::uint8_t> found;
   std::vector<std::uint8_t> came_back;
-  const std::vector<cv::Point2f> there = trackPoints(from, to, spread.points, start.there, &found);
+  const std::vector<cv::Point2f> there = trackPoints(from, to, sampled.points, start.there, &found);
   const std::vector<cv::Point2f> back = trackPoints(to, from, there, start.back, &came_back);
   for (std::size_t s = 0; s < segments.size(); ++s) {
     const LineSegment& segment = segments[s];
     std::vector<TrackedPoint> tracked;
-    for (std::size_t i = spread.begins[s]; i < spread.begins[s + 1]; ++i) {
-      const Eigen::Vector2f place(there[i].x, there[i].y);
-      if (found[i] == 0 || came_back[i] == 0 || !inside(to.pyramid()[0], place, 0.0F) ||
-          distanceAcross(segment, {back[i].x, back[i].y}) > kMaxReturnAcross) {
+    for (std::size_t i = sampled.begins[s]; i < sampled.begins[s + 1]; ++i) {
+      const Eigen::Vector2f pixel(there[i].x, there[i].y);
+      if (found[i] == 0 || came_back[i] == 0 || !inside(to.pyramid()[0], pixel, 0.0F) ||
+          normalDistance(segment, {back[i].x, back[i].y}) > kMaxReturnAlongNormal) {
         continue;
       }
-      const Eigen::Vector2f before(spread.points[i].x, spread.points[i].y);
-      tracked.push_back({(before - segment.start).norm(), place});
+      const Eigen::Vector2f before(sampled.points[i].x, sampled.points[i].y);
+      tracked.push_back({(before - segment.start).norm(), pixel});
     }
-    const double num_points = static_cast<double>(spread.begins[s + 1] - spread.begins[s]);
+    const double num_points = static_cast<double>(sampled.begins[s + 1] - sampled.begins[s]);
     result.push_back(
         segmentThrough(tracked, segment.length(),
                        static_cast<std::size_t>(std::ceil(kMinPointShare * num_points))));
@@ -300,8 +300,8 @@ bool sameSegment(const LineSegment& a, const LineSegment& b, const QualityOption
   const double cosine = std::abs(longer.direction().dot(shorter.direction()));
   if (cosine < std::cos(options.max_angle_deg * CV_PI / 180.0)) return false;
   const double across =
-      0.5 * (distanceAcross(longer, shorter.start) + distanceAcross(longer, shorter.end));
-  if (across > options.max_across_px) return false;
+      0.5 * (normalDistance(longer, shorter.start) + normalDistance(longer, shorter.end));
+  if (across > options.max_normal_px) return false;
   const Eigen::Vector2f direction = longer.direction();
   const double s = direction.dot(shorter.start - longer.start);
   const double e = direction.dot(shorter.end - longer.start);

@@ -1,18 +1,22 @@
+#include "benchmark/frame_row.h"
+
 #include <array>
 #include <string>
 #include <vector>
 
 #include "benchmark/row_timer.h"
-#include "benchmark/rows.h"
 #include "common/statistics.h"
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 namespace {
 
-constexpr double kPace = 2.0;  // times the yardstick's own time between two calls of it
+constexpr double kPace = 2.0;  // time between two calls of the yardstick, in times of one call
 constexpr int kIterations = 100;
-constexpr std::size_t kUntimed = 2;  // frames after a reset, which have less to do than the others
+constexpr std::size_t kUntimed = 2;  // frames after a reset, which take less time
 
 using StageSamples = std::array<std::vector<double>, kNumStages>;
 

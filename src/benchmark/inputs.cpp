@@ -5,18 +5,18 @@
 #include <stdexcept>
 #include <utility>
 
-#include "point_line_odometry/dataset.h"
-#include "point_line_odometry/input_error.h"
-#include "point_line_odometry/synthetic_world.h"
+#include "common/input_error.h"
+#include "dataset/dataset.h"
 #include "tools/interruption.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kWorldFrames = 300;  // over which pairs are spread
-constexpr std::size_t kMaxSpread = 10;     // pairs
+constexpr std::size_t kWorldFrames = 300;  // from which pairs are sampled
+constexpr std::size_t kMaxSamples = 10;    // pairs
 
 std::string nameOf(const std::string& folder) {
   const fs::path path = fs::absolute(folder).lexically_normal();
@@ -76,13 +76,18 @@ const std::vector<StereoImages>& BenchmarkInput::run() {
   return run_;
 }
 
-BenchmarkInput::Successive BenchmarkInput::spread(std::size_t i) const {
+BenchmarkInput::Successive BenchmarkInput::sample(std::size_t i) const {
   throwIfInterrupted();
-  const std::size_t first = i * (size_ - 2) / (spreadSize() - 1);
+  const std::size_t first = i * (size_ - 2) / (numSamples() - 1);
   return {load_(first), load_(first + 1)};
 }
 
-std::size_t BenchmarkInput::spreadSize() const { return std::min(kMaxSpread, size_ - 1); }
+std::size_t BenchmarkInput::numSamples() const { return std::min(kMaxSamples, size_ - 1); }
+
+std::vector<std::string> sequencesWithin(const std::string& folder) {
+  if (!fs::is_directory(folder) || holdsSequence(folder)) return {};
+  return findSequences(folder);
+}
 
 std::vector<std::string> findSequences(const std::string& folder) {
   std::error_code error;

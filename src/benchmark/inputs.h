@@ -13,8 +13,8 @@
 
 namespace point_line_odometry {
 
-/// A sequence of rectified stereo frames to measure with. Frames are read or rendered when they are
-/// first asked for, so that rows that are filtered out cost nothing.
+/// A sequence of rectified stereo frames for measurements. Frames are read or rendered lazily, so
+/// that rows that are filtered out cost nothing.
 class BenchmarkInput {
  public:
   /// A pair, and the frame after it.
@@ -23,8 +23,8 @@ class BenchmarkInput {
     StereoImages next;
   };
 
-  /// A KITTI or EuRoC folder; the input is named after it. \param run_frames how many frames run()
-  /// has at most. Throws InputError if it cannot be used or has fewer than kMinFrames.
+  /// A KITTI or EuRoC folder; the input is named after it. \param run_frames largest number of
+  /// frames of run(). Throws InputError if it cannot be used or has fewer than kMinFrames.
   static std::unique_ptr<BenchmarkInput> fromFolder(const std::string& folder,
                                                     std::size_t run_frames);
 
@@ -41,16 +41,16 @@ class BenchmarkInput {
   /// StereoDataset::load().
   const std::vector<StereoImages>& run();
 
-  /// The i-th of spreadSize() pairs that are spread evenly over the sequence, not kept.
-  Successive spread(std::size_t i) const;
+  /// The i-th of numSamples() pairs that are sampled evenly from the sequence; not kept in memory.
+  Successive sample(std::size_t i) const;
 
   /// 10, or fewer if the sequence is shorter.
-  std::size_t spreadSize() const;
+  std::size_t numSamples() const;
 
  private:
   using Load = std::function<StereoImages(std::size_t)>;
 
-  /// A sequence as it is stored, maybe to be rectified.
+  /// A sequence as stored, raw or rectified.
   struct Sequence {
     std::size_t size = 0;
     StereoCalibration calibration;
@@ -69,7 +69,10 @@ class BenchmarkInput {
 };
 
 /// The folders within `folder` that hold a KITTI or EuRoC sequence, by name. Throws InputError if
-/// `folder` is none.
+/// `folder` is not a folder.
 std::vector<std::string> findSequences(const std::string& folder);
+
+/// The same, but none if `folder` is a sequence itself or no folder.
+std::vector<std::string> sequencesWithin(const std::string& folder);
 
 }  // namespace point_line_odometry

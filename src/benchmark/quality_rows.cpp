@@ -1,3 +1,5 @@
+#include "benchmark/quality_rows.h"
+
 #include <algorithm>
 #include <array>
 #include <memory>
@@ -5,8 +7,10 @@
 
 #include "benchmark/detector_quality.h"
 #include "benchmark/row_timer.h"
-#include "benchmark/rows.h"
-#include "point_line_odometry/line_detector.h"
+#include "features/gradient.h"
+#include "features/line_detector.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
 #include "tools/interruption.h"
 
 namespace point_line_odometry {
@@ -15,7 +19,7 @@ namespace {
 enum Detector { kOurs, kLsd, kNumDetectors };
 enum Budget { kAll, kLongest, kNumBudgets };
 
-/// What is known of a detector with a budget, over several pairs.
+/// Quality of a detector with a budget, summed over several pairs.
 struct Quality {
   std::size_t images = 0;
   std::size_t segments = 0;
@@ -27,7 +31,7 @@ struct Quality {
   EdgeOffsets edges;
 };
 
-/// What one detector makes of a pair and the frame after it; all segments long, the longest first.
+/// Long segments of one detector in a pair and the frame after it, the longest first.
 struct Views {
   std::vector<LineSegment> left;
   std::vector<LineSegment> right;
@@ -56,12 +60,12 @@ void keepCommonNumber(std::array<Views, kNumDetectors>* views) {
   }
 }
 
-/// Measures both detectors on the pairs that are spread over an input.
+/// Measures both detectors on the sampled pairs of an input.
 class QualityMeasurement {
  public:
   QualityMeasurement(const BenchmarkInput& input, const Parameters& parameters)
       : line_detector_(parameters.lines) {
-    for (std::size_t i = 0; i < input.spreadSize(); ++i) addPair(input.spread(i));
+    for (std::size_t i = 0; i < input.numSamples(); ++i) addPair(input.sample(i));
   }
 
   const Quality& quality(Detector detector, Budget budget) const {
@@ -69,7 +73,7 @@ class QualityMeasurement {
   }
 
  private:
-  /// A pair and the frame after it, made ready for the measurement.
+  /// A pair and the frame after it, prepared for the measurement.
   struct Prepared {
     cv::Mat smooth;
     TrackingImage left;
@@ -183,7 +187,7 @@ void registerQualityRows(BenchmarkInput* input, const Parameters& parameters) {
         state.ResumeTiming();
         report((*measurement)->quality(row.detector, row.budget), &state);
       }
-      state.SetLabel(std::to_string(input->spreadSize()) + " pairs");
+      state.SetLabel(std::to_string(input->numSamples()) + " pairs");
     };
     ::benchmark::RegisterBenchmark((input->name() + "/segments/" + row.name).c_str(), run)
         ->UseManualTime()

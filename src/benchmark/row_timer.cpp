@@ -2,8 +2,8 @@
 
 #include <opencv2/core/version.hpp>
 
+#include "common/opencv_lsd.h"
 #include "common/statistics.h"
-#include "point_line_odometry/lsd_detector.h"
 #include "tools/interruption.h"
 
 namespace point_line_odometry {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "point_line_odometry/features.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
@@ -21,13 +21,13 @@ inline double elapsedMs(BenchmarkClock::time_point since) {
   return std::chrono::duration<double, std::milli>(BenchmarkClock::now() - since).count();
 }
 
-/// How long a call took by the clock, and of the processor in all threads [ms].
+/// Wall time of a call, and processor time of all threads [ms].
 struct CallTime {
   double wall_ms = 0.0;
   double cpu_ms = 0.0;
 };
 
-/// Takes the time from its making on.
+/// Measures the time since its construction.
 class Stopwatch {
  public:
   CallTime elapsed() const { return {elapsedMs(wall_begin_), cpuMs() - cpu_begin_ms_}; }
@@ -70,20 +70,20 @@ class Yardstick {
   cv::Ptr<cv::LineSegmentDetector> detector_;
 };
 
-/// What a row says when it needs the detector that this OpenCV has not.
+/// Message of a row that needs the detector if this OpenCV has none.
 extern const char* const kNoYardstick;
 
 /// "OpenCV 4.6.0"
 std::string openCvVersion();
 
-/// Takes the times of the calls of a row. Between them it calls the yardstick, so that both run
+/// Measures the times of the calls of a row. Between them it calls the yardstick, so that both run
 /// under the same conditions: once before the first call, and again whenever the calls have taken
 /// `pace` times as long as a call of the yardstick.
 class RowTimer {
  public:
   RowTimer(benchmark::State* state, double pace) : state_(state), pace_(pace) {}
 
-  /// Times one call, which is one iteration of the row. \param image what the yardstick works on.
+  /// Times one call, which is one iteration of the row. \param image input of the yardstick.
   template <typename Call>
   void time(const cv::Mat& image, const Call& call) {
     measureYardstick(image);
@@ -94,7 +94,7 @@ class RowTimer {
 
   /// Adds the row's counters: median_ms and p95_ms [ms], vs_lsd (median / median of the yardstick)
   /// and cpu_vs_lsd (the same of the processor's times, which other programs hardly change), both
-  /// missing without yardstick, and found (number of things that a call has found or made).
+  /// missing without yardstick, and found (number of results of a call).
   void report(std::size_t found) const;
 
  private:

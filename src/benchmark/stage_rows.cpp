@@ -1,10 +1,11 @@
+#include "benchmark/stage_rows.h"
+
 #include <memory>
 #include <opencv2/features2d.hpp>
 #include <string>
 #include <vector>
 
 #include "benchmark/row_timer.h"
-#include "benchmark/rows.h"
 #include "benchmark/stages.h"
 
 namespace point_line_odometry {
@@ -29,7 +30,7 @@ constexpr StageRow kStageRows[] = {{"gradient", &Stages::gradient},
                                    {"estimate", &Stages::estimate},
                                    {"fuse", &Stages::fuse}};
 
-/// Registers a row of calls that return how many things they have found.
+/// Registers a row of calls that return the number of their results.
 template <typename Run>
 void registerRow(const BenchmarkInput& input, const char* name, const Run& run) {
   ::benchmark::RegisterBenchmark((input.name() + "/" + name).c_str(), run)
@@ -56,7 +57,7 @@ void runLsd(benchmark::State& state, const cv::Mat& image) {
   state.SetLabel(openCvVersion());
 }
 
-/// OpenCV's ORB, asked for as many points as ours has found.
+/// OpenCV's ORB, with as many points as our detector has found.
 void runOrb(benchmark::State& state, const cv::Mat& image, const Parameters& parameters) {
   const SingleThread single_thread;
   const std::size_t ours = PointDetector(parameters.points).detect(image).size();

@@ -5,20 +5,28 @@
 #include <vector>
 
 #include "benchmark/inputs.h"
+#include "common/thread_pool.h"
+#include "features/gradient.h"
+#include "features/line_descriptor.h"
+#include "features/line_detector.h"
+#include "features/point_detector.h"
+#include "features/stereo_feature_detector.h"
+#include "matching/expected_features.h"
+#include "matching/frame_matcher.h"
+#include "matching/stereo_frame.h"
+#include "motion/correspondence.h"
+#include "motion/motion_estimator.h"
 #include "odometry/correspondences.h"
-#include "point_line_odometry/line_detector.h"
-#include "point_line_odometry/matching.h"
-#include "point_line_odometry/motion.h"
+#include "odometry/stereo_triangulation.h"
 #include "point_line_odometry/parameters.h"
-#include "point_line_odometry/point_detector.h"
-#include "point_line_odometry/stereo_feature_detector.h"
-#include "point_line_odometry/thread_pool.h"
+#include "point_line_odometry/stereo_correction.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
 /// The stages of the odometry as calls of their own on three consecutive frames from the middle of
-/// an input's run, with what each needs from the stages before it. Each call does again what its
-/// stage does for the third frame; numbers returned say how many things it has found or made.
+/// an input's run, with the results of the stages before it. Each call repeats its stage for the
+/// third frame and returns the number of its results.
 class Stages {
  public:
   Stages(BenchmarkInput* input, const Parameters& parameters);
@@ -47,7 +55,7 @@ class Stages {
 
   const Parameters& parameters_;
   StereoCamera camera_;
-  RightImageCorrection correction_;
+  StereoCorrection correction_;
   StereoImages images_;
   LineDetector line_detector_;
   PointDetector point_detector_;

@@ -6,8 +6,8 @@
 
 namespace point_line_odometry {
 
-/// Calls visit(i) for each of bytes[begin] ... bytes[end - 1] that is not zero. Where most are,
-/// eight of them are passed over at once; up to seven bytes behind the end are read.
+/// Calls visit(i) for each of bytes[begin] ... bytes[end - 1] that is not zero. Eight zeros are
+/// skipped at once; up to seven bytes behind the end are read.
 template <typename Visit>
 void forEachNonZero(const std::uint8_t* bytes, int begin, int end, Visit&& visit) {
   for (int i = begin; i < end; i += 8) {

@@ -1,4 +1,4 @@
-#include "point_line_odometry/dataset.h"
+#include "dataset/dataset.h"
 
 #include <yaml-cpp/yaml.h>
 
@@ -12,47 +12,18 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "dataset/oxts.h"
+#include "dataset/text_rows.h"
+
 namespace point_line_odometry {
 namespace {
 
 namespace fs = std::filesystem;
 
 constexpr double kNanosecondsPerSecond = 1e9;
-constexpr std::uint64_t kMaxStamp_ns = 4000000000000000000U;  // what a ROS time can hold
+constexpr std::uint64_t kMaxStamp_ns = 4000000000000000000U;  // limit of ros::Time
 
-template <typename... Parts>
-[[noreturn]] void fail(const Parts&... parts) {
-  std::ostringstream text;
-  (text << ... << parts);
-  throw InputError(text.str());
-}
-
-std::string quoted(const fs::path& path) { return "'" + path.string() + "'"; }
-
-/// Lines without line ends (LF or CRLF); empty lines and comments (#) are left out.
-std::vector<std::string> readLines(const fs::path& file) {
-  std::ifstream in(file);
-  if (!in) fail("file ", quoted(file), " is missing or unreadable: unpack the data set completely");
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) {
-    while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back()))) line.pop_back();
-    if (!line.empty() && line.front() != '#') lines.push_back(line);
-  }
-  return lines;
-}
-
-/// The numbers of a row, separated by blanks or commas. Throws if something else stands there.
-std::vector<double> parseNumbers(std::string row, const fs::path& file) {
-  std::replace(row.begin(), row.end(), ',', ' ');
-  std::istringstream in(row);
-  in.imbue(std::locale::classic());
-  std::vector<double> numbers;
-  for (double number = 0.0; in >> number;) numbers.push_back(number);
-  if (!in.eof()) fail("file ", quoted(file), " has a row that is not numbers: '", row, "'");
-  return numbers;
-}
-
-/// The leading field of a row; what is later than ROS can tell is refused.
+/// The leading field of a row; throws beyond the limit of ros::Time.
 std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
   const std::string field = row.substr(0, row.find_first_of(", \t"));
   const bool digits =
@@ -61,12 +32,6 @@ std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
     fail("file ", quoted(file), " has a row without a stamp in nanoseconds: '", row, "'");
   }
   return std::stoll(field);
-}
-
-/// Whether something can be read to its end: not a folder, a pipe or a device.
-bool isFile(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
 }
 
 std::vector<char> readBytes(const fs::path& file) {
@@ -104,7 +69,7 @@ void requireSize(const cv::Mat& image, const std::string& file, const CameraCali
        camera.width, " x ", camera.height, ": fetch images and calibration of one sequence");
 }
 
-/// Throws if a file of the index is not there.
+/// Throws if a file of the index is missing.
 void requireFiles(const std::vector<StereoDataset::Frame>& frames, const fs::path& folder) {
   std::size_t missing = 0;
   std::string first;
@@ -119,7 +84,7 @@ void requireFiles(const std::vector<StereoDataset::Frame>& frames, const fs::pat
        " images are missing, the first is '", first, "'; unpack it again");
 }
 
-/// Runs a step on the calibration, and names the file if it is refused.
+/// Runs a step on the calibration, and adds the name of the file to its errors.
 template <typename Step>
 auto withCalibrationFile(const fs::path& file, const Step& step) {
   try {
@@ -211,7 +176,7 @@ StereoCalibration readKittiCalibration(const fs::path& file, const cv::Size& siz
   return calibration;
 }
 
-/// Ground truth of the sequence: inside of the folder, or where the published data set has it.
+/// Ground truth of the sequence: in the folder, or at its path in the published data set.
 std::vector<StampedPose> readKittiPoses(const fs::path& folder,
                                         const std::vector<StereoDataset::Frame>& frames) {
   fs::path file = folder / "poses.txt";
@@ -223,7 +188,7 @@ std::vector<StampedPose> readKittiPoses(const fs::path& folder,
   const std::vector<std::string> rows = readLines(file);
   if (rows.size() != frames.size()) {
     fail("ground truth ", quoted(file), " has ", rows.size(), " rows for ", frames.size(),
-         " images: fetch the poses of this sequence or take the file away");
+         " images: fetch the poses of this sequence or remove the file");
   }
   std::vector<StampedPose> poses;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -236,7 +201,7 @@ std::vector<StampedPose> readKittiPoses(const fs::path& folder,
 
 // --- EuRoC ------------------------------------------------------------------------------------
 
-/// What sensor.yaml says of a camera.
+/// Content of a camera's sensor.yaml.
 struct EurocCamera {
   CameraCalibration calibration;
   Eigen::Isometry3d T_body_camera = Eigen::Isometry3d::Identity();
@@ -251,7 +216,7 @@ std::vector<T> readYaml(const YAML::Node& node, const char* name, std::size_t co
   throw std::invalid_argument(text.str());
 }
 
-/// EuRoC's name of a distortion model in the words of sensor_msgs/CameraInfo.
+/// The name in sensor_msgs/CameraInfo of one of EuRoC's distortion models.
 std::string toDistortionModel(const std::string& name, std::size_t coefficients) {
   if (name == "equidistant") return "equidistant";
   if (name == "radial-tangential" || name == "radtan" || name == "plumb_bob") {
@@ -295,7 +260,7 @@ EurocCamera readEurocCamera(const fs::path& file) {
   });
 }
 
-/// Image file of each stamp that a camera's data.csv names.
+/// Image files of a camera's data.csv by stamp.
 std::map<std::int64_t, std::string> indexEurocCamera(const fs::path& folder) {
   const fs::path file = folder / "data.csv";
   std::map<std::int64_t, std::string> images;
@@ -326,6 +291,16 @@ std::vector<StereoDataset::Frame> indexEuroc(const fs::path& folder) {
   return frames;
 }
 
+/// T_BS of the IMU; the identity, as in the published data, without a file.
+Eigen::Isometry3d readEurocImuPose(const fs::path& file) {
+  if (!fs::exists(file)) return Eigen::Isometry3d::Identity();
+  return withCalibrationFile(file, [&] {
+    const YAML::Node root = YAML::LoadFile(file.string());
+    if (!root.IsMap()) throw std::invalid_argument("it is empty or not YAML; fetch it again");
+    return toPose(readYaml<double>(root["T_BS"]["data"], "T_BS", 16));
+  });
+}
+
 std::vector<StampedPose> readEurocPoses(const fs::path& file,
                                         const Eigen::Isometry3d& T_body_camera) {
   std::vector<StampedPose> poses;
@@ -354,6 +329,7 @@ StereoDataset StereoDataset::openKitti(const std::string& folder) {
   const cv::Size size = readImage(dataset.frames_.front().left_file).size();
   dataset.calibration_ = readKittiCalibration(fs::path(folder) / "calib.txt", size);
   dataset.ground_truth_ = readKittiPoses(folder, dataset.frames_);
+  if (fs::is_directory(fs::path(folder) / "oxts")) dataset.oxts_folder_ = folder;
   return dataset;
 }
 
@@ -371,9 +347,29 @@ StereoDataset StereoDataset::openEuroc(const std::string& folder) {
   });
   dataset.needs_rectification_ = true;
   dataset.T_body_camera_ = left.T_body_camera;
+  if (isFile(path / "imu0" / "data.csv")) dataset.imu_folder_ = (path / "imu0").string();
   dataset.ground_truth_ =
       readEurocPoses(path / "state_groundtruth_estimate0" / "data.csv", left.T_body_camera);
   return dataset;
+}
+
+std::optional<ImuData> StereoDataset::readImu() const {
+  if (!oxts_folder_.empty()) return readOxts(oxts_folder_, frames_.front().stamp_ns);
+  if (imu_folder_.empty() || !T_body_camera_) return std::nullopt;
+  const fs::path folder(imu_folder_);
+  const Eigen::Isometry3d T_body_imu = readEurocImuPose(folder / "sensor.yaml");
+  ImuData data;
+  data.T_imu_camera = T_body_imu.inverse() * *T_body_camera_;
+  const fs::path file = folder / "data.csv";
+  for (const std::string& row : readLines(file)) {
+    const std::vector<double> n = parseNumbers(row, file);
+    if (n.size() != 7) {
+      fail("file ", quoted(file), " has a row without a stamp, rates and accelerations: '", row,
+           "'; fetch it again");
+    }
+    data.samples.push_back({parseStamp_ns(row, file), {n[1], n[2], n[3]}, {n[4], n[5], n[6]}});
+  }
+  return data;
 }
 
 StereoDataset StereoDataset::open(const std::string& folder) {

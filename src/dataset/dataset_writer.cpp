@@ -1,4 +1,4 @@
-#include "point_line_odometry/dataset_writer.h"
+#include "dataset/dataset_writer.h"
 
 #include <array>
 #include <cstdlib>
@@ -9,8 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
-#include "dataset/classic_stream.h"
-#include "point_line_odometry/input_error.h"
+#include "common/classic_stream.h"
+#include "common/input_error.h"
 
 namespace point_line_odometry {
 namespace {
@@ -51,7 +51,7 @@ std::string joinMatrix(const Matrix& matrix, const char* separator) {
   throw InputError("'" + file + "' cannot be written: make room on disk, or give another folder");
 }
 
-/// EuRoC's stamps and names of images: of one length, so that they sort by time.
+/// EuRoC's stamps and image names: of the same length, so that they sort by time.
 std::string eurocStamp(std::int64_t stamp_ns) {
   std::ostringstream text = classicStream();
   text << std::setw(19) << std::setfill('0') << stamp_ns;
@@ -63,7 +63,7 @@ std::string eurocTransform(const Eigen::Isometry3d& T_body_sensor) {
          "]\n";
 }
 
-/// Distortion as EuRoC's files have it: a fifth coefficient only where it says something.
+/// Distortion coefficients of EuRoC's files: four, or five if the last one is not 0.
 std::vector<double> eurocDistortion(const CameraCalibration& camera) {
   std::vector<double> D = camera.D;
   if (D.size() == 5 && D.back() == 0.0) D.pop_back();
@@ -102,6 +102,18 @@ std::string eurocGroundTruth(const std::vector<StampedPose>& poses) {
   return text.str();
 }
 
+std::string eurocImu(const std::vector<ImuSample>& samples) {
+  std::string text =
+      "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+      "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n";
+  for (const ImuSample& sample : samples) {
+    if (sample.stamp_ns < 0) continue;  // before the epoch: EuRoC's stamps have no sign
+    text += eurocStamp(sample.stamp_ns) + "," + joinMatrix(sample.angular_velocity, ",") + "," +
+            joinMatrix(sample.acceleration, ",") + "\n";
+  }
+  return text;
+}
+
 }  // namespace
 
 DatasetWriter::DatasetWriter(const std::string& folder, DatasetLayout layout,
@@ -115,15 +127,27 @@ DatasetWriter::DatasetWriter(const std::string& folder, DatasetLayout layout,
   }
 }
 
-void DatasetWriter::add(const StereoImages& images, const Eigen::Isometry3d& T_world_camera) {
+void DatasetWriter::writeImage(const std::string& file, const cv::Mat& image) const {
   constexpr int kFastCompression = 1;
-  for (const int side : {0, 1}) {
-    const std::string file = imageFile(side, images.stamp_ns);
-    const bool written = cv::imwrite(file, side == 0 ? images.left : images.right,
-                                     {cv::IMWRITE_PNG_COMPRESSION, kFastCompression});
-    if (!written) refuse(file);
-  }
+  if (!cv::imwrite(file, image, {cv::IMWRITE_PNG_COMPRESSION, kFastCompression})) refuse(file);
+}
+
+void DatasetWriter::add(const StereoImages& images, const Eigen::Isometry3d& T_world_camera) {
+  writeImage(imageFile(0, images.stamp_ns), images.left);
+  writeImage(imageFile(1, images.stamp_ns), images.right);
+  const auto writeMask = [&](const char* name, const cv::Mat& mask) {
+    if (poses_.empty() && !mask.empty()) writeImage((fs::path(folder_) / name).string(), mask);
+  };
+  writeMask("mask_left.png", images.left_mask);
+  writeMask("mask_right.png", images.right_mask);
   poses_.push_back({images.stamp_ns, T_world_camera});
+}
+
+void DatasetWriter::writeImu(const ImuData& imu) const {
+  if (layout_ == DatasetLayout::kKitti) return;
+  writeText("mav0/imu0/sensor.yaml",
+            "sensor_type: imu\ncomment: synthetic\n" + eurocTransform(imu.T_imu_camera.inverse()));
+  writeText("mav0/imu0/data.csv", eurocImu(imu.samples));
 }
 
 void DatasetWriter::finish() const {
@@ -134,7 +158,7 @@ void DatasetWriter::finish() const {
   }
 }
 
-/// P2 and P3, KITTI's colour cameras, repeat P0 and P1 for readers that want all four.
+/// P2 and P3, KITTI's colour cameras, repeat P0 and P1 for readers that need all four.
 void DatasetWriter::finishKitti() const {
   std::string calibration;
   for (const int camera : {0, 1, 2, 3}) {
@@ -168,10 +192,11 @@ void DatasetWriter::finishEuroc() const {
               eurocCamera(side == 0 ? calibration_.left : calibration_.right,
                           side == 0 ? identity : poseOfRightInLeft(calibration_), frame_rate_hz_));
   }
-  const std::string truth = "mav0/state_groundtruth_estimate0";
-  writeText(truth + "/sensor.yaml", "sensor_type: visual-inertial\ncomment: exact ground truth\n" +
-                                        eurocTransform(identity));
-  writeText(truth + "/data.csv", eurocGroundTruth(poses_));
+  const std::string ground_truth = "mav0/state_groundtruth_estimate0";
+  writeText(
+      ground_truth + "/sensor.yaml",
+      "sensor_type: visual-inertial\ncomment: exact ground truth\n" + eurocTransform(identity));
+  writeText(ground_truth + "/data.csv", eurocGroundTruth(poses_));
 }
 
 std::string DatasetWriter::imageFile(int side, std::int64_t stamp_ns) const {

@@ -1,4 +1,4 @@
-#include "point_line_odometry/trajectory.h"
+#include "dataset/trajectory.h"
 
 #include <array>
 #include <cmath>
@@ -8,12 +8,12 @@
 #include <ostream>
 #include <sstream>
 
-#include "dataset/classic_stream.h"
+#include "common/classic_stream.h"
 
 namespace point_line_odometry {
 namespace {
 
-/// The row's 8 numbers. False if it holds anything else.
+/// The row's 8 numbers. False if it has anything else.
 bool parseRow(const std::string& row, std::array<long double, 8>* numbers) {
   std::istringstream in(row);
   in.imbue(std::locale::classic());
@@ -23,9 +23,9 @@ bool parseRow(const std::string& row, std::array<long double, 8>* numbers) {
   return (in >> std::ws).eof();
 }
 
-/// The pose of a row. Throws InputError with the end of a sentence that begins with the row.
+/// The pose of a row. Throws InputError with the end of a sentence that starts with the row.
 StampedPose parsePose(const std::string& row) {
-  constexpr long double kMaxStamp_s = 4e9L;  // what a ROS time can hold
+  constexpr long double kMaxStamp_s = 4e9L;  // limit of ros::Time
   constexpr double kUnitTolerance = 0.01;
   std::array<long double, 8> n{};
   if (!parseRow(row, &n)) throw InputError("is not the 8 numbers 'stamp tx ty tz qx qy qz qw'");
@@ -34,7 +34,7 @@ StampedPose parsePose(const std::string& row) {
   const Eigen::Quaterniond q(number(7), number(4), number(5), number(6));
   if (!(std::abs(q.norm() - 1.0) < kUnitTolerance)) throw InputError("has no unit quaternion");
   StampedPose pose;
-  // A long double holds the nanoseconds since 1970.
+  // A long double has enough digits for the nanoseconds since 1970.
   pose.stamp_ns = std::llround(n[0] * 1e9L);
   pose.T_world_camera.linear() = q.normalized().toRotationMatrix();
   pose.T_world_camera.translation() << number(1), number(2), number(3);

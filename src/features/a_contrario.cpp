@@ -1,6 +1,6 @@
-#include <cmath>
+#include "features/a_contrario.h"
 
-#include "point_line_odometry/line_detector.h"
+#include <cmath>
 
 namespace point_line_odometry {
 namespace {
@@ -32,7 +32,7 @@ AContrarioTable::AContrarioTable(cv::Size image_size) : image_size_(image_size) 
 
 bool AContrarioTable::meaningful(int n, int aligned) const {
   if (n < kTableSize) return aligned >= fewest_[n];
-  // Beyond the table the share of its last entry is asked for, which is stricter.
+  // Beyond the table the share of its last entry is required, which is stricter.
   return static_cast<std::int64_t>(aligned) * (kTableSize - 1) >=
          static_cast<std::int64_t>(fewest_.back()) * n;
 }

@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kPatch = 31;
 
-/// One level, that of the image; no point is too near to the border.
+/// One pyramid level, the image; no keypoint is dropped at the border.
 cv::Ptr<cv::ORB> createOrb() {
   return cv::ORB::create(1, 1.2F, 1, 0, 0, 2, cv::ORB::HARRIS_SCORE, kPatch);
 }
@@ -17,20 +17,20 @@ cv::Ptr<cv::ORB> createOrb() {
 CvOrbDescriptor::CvOrbDescriptor() : orb_(createOrb()) {}
 
 void CvOrbDescriptor::describe(const cv::Mat& image, std::size_t begin,
-                               std::vector<PointFeature>* features) {
+                               std::vector<Keypoint>* keypoints) {
   keypoints_.clear();
-  for (std::size_t i = begin; i < features->size(); ++i) {
-    const PointFeature& feature = (*features)[i];
-    keypoints_.emplace_back(feature.pixel.x(), feature.pixel.y(), static_cast<float>(kPatch),
-                            feature.angle_rad * static_cast<float>(180.0 / CV_PI), feature.response,
-                            0);
+  for (std::size_t i = begin; i < keypoints->size(); ++i) {
+    const Keypoint& keypoint = (*keypoints)[i];
+    keypoints_.emplace_back(keypoint.pixel.x(), keypoint.pixel.y(), static_cast<float>(kPatch),
+                            keypoint.angle_rad * static_cast<float>(180.0 / CV_PI),
+                            keypoint.response, 0);
   }
   if (keypoints_.empty()) return;
   orb_->compute(image, keypoints_, descriptors_);
-  CV_Assert(static_cast<std::size_t>(descriptors_.rows) == features->size() - begin &&
+  CV_Assert(static_cast<std::size_t>(descriptors_.rows) == keypoints->size() - begin &&
             descriptors_.cols == sizeof(Descriptor));
   for (int row = 0; row < descriptors_.rows; ++row) {
-    std::memcpy((*features)[begin + static_cast<std::size_t>(row)].descriptor.data(),
+    std::memcpy((*keypoints)[begin + static_cast<std::size_t>(row)].descriptor.data(),
                 descriptors_.ptr(row), sizeof(Descriptor));
   }
 }

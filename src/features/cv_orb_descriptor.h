@@ -5,19 +5,18 @@
 #include <opencv2/features2d.hpp>
 #include <vector>
 
-#include "point_line_odometry/features.h"
+#include "features/features.h"
 
 namespace point_line_odometry {
 
-/// Descriptors of ORB (Rublee et al. 2011) with the pattern that its authors have learnt, by
-/// OpenCV.
+/// ORB descriptors (Rublee et al. 2011) by OpenCV, with the pattern that its authors trained.
 class CvOrbDescriptor {
  public:
   CvOrbDescriptor();
 
-  /// Describes features [begin, end of the list) of an image, whose pixels and angles are known.
+  /// Describes keypoints [begin, end of the list) of an image, whose pixels and angles are set.
   /// \param image CV_8UC1.
-  void describe(const cv::Mat& image, std::size_t begin, std::vector<PointFeature>* features);
+  void describe(const cv::Mat& image, std::size_t begin, std::vector<Keypoint>* keypoints);
 
  private:
   cv::Ptr<cv::ORB> orb_;

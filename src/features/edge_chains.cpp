@@ -9,40 +9,44 @@ namespace {
 
 constexpr int kMemory = 32;       // pixels over which the mean direction is taken
 constexpr int kMaxGap = 7;        // pixels that a chain may jump, e.g. at a crossing
-constexpr int kPixelsPerGap = 5;  // that a chain must have for each of them
+constexpr int kPixelsPerGap = 5;  // of a chain, for each pixel of a gap
 constexpr int kSlopeShift = 12;   // of slopes in fixed point
 constexpr int kSlopeOne = 1 << kSlopeShift;
 static_assert(kMaxGap + 1 <= EdgeMap::kMargin, "a jump and the step after it stay on the map");
 
-/// Steps to the next pixel along an edge and across it, in the map.
+/// Index steps to the next pixel along an edge and along its normal.
 struct Steps {
   std::int32_t along;
-  std::int32_t across;
+  std::int32_t normal;
 };
 
-/// Along the main axis of the edge, with the brighter side on the right hand.
-Steps stepsOf(const MeanDirection& gradient, std::int32_t stride) {
-  const int quadrant = ((gradient.value() + 32) >> 6) & 3;  // 0: the gradient points to the right
+/// Along the main axis of the edge, with the brighter side on the right.
+Steps stepsOf(int quadrant, std::int32_t stride) {
   const bool steep = quadrant % 2 == 0;
   const std::int32_t along = steep ? -stride : 1;
   return {quadrant < 2 ? along : -along, steep ? 1 : stride};
 }
 
-/// The strongest pixel of the edge among one and its two neighbours across, or -1. Without
-/// branches: which one it is cannot be foretold.
-std::int32_t strongestAcross(std::int32_t i, std::int32_t across, const MeanDirection& mean,
-                             const EdgeMap& map) {
+/// An edge pixel and its index in the map.
+struct PixelAt {
+  std::int32_t index;
+  EdgePixel pixel;
+};
+
+/// The strongest pixel of the edge among one and its two neighbours along the normal; none if all
+/// are none. Without branches, which would be mispredicted.
+inline PixelAt strongestAlongNormal(std::int32_t i, std::int32_t normal, MeanDirection mean,
+                                    const EdgeMap& map) {
   const auto candidate = [&](std::int32_t k) {
     return map[k].onlyIf(mean.agrees(map[k].direction()));
   };
   const EdgePixel middle = candidate(i);
-  const EdgePixel before = candidate(i - across);
-  const EdgePixel after = candidate(i + across);
+  const EdgePixel before = candidate(i - normal);
+  const EdgePixel after = candidate(i + normal);
   const EdgePixel side = after.strongerThan(before) ? after : before;
-  const std::int32_t to_side = after.strongerThan(before) ? across : -across;
-  const EdgePixel best = side.strongerThan(middle) ? side : middle;
+  const std::int32_t to_side = after.strongerThan(before) ? normal : -normal;
   const std::int32_t step = side.strongerThan(middle) ? to_side : 0;
-  return best ? i + step : -1;
+  return {i + step, side.strongerThan(middle) ? side : middle};
 }
 
 constexpr int kOne = 1 << 14;
@@ -59,7 +63,7 @@ constexpr Reciprocals kReciprocals;
 
 }  // namespace
 
-void MeanDirection::add(std::uint8_t direction) {
+inline void MeanDirection::add(std::uint8_t direction) {
   if (count_ < kMemory) ++count_;
   const int difference =
       static_cast<std::int16_t>(static_cast<std::uint16_t>((direction << 8) - mean_));
@@ -76,36 +80,46 @@ EdgeChains::EdgeChains() {
   }
 }
 
-/// The pixel straight ahead where the edge goes on for at least two pixels, or -1.
-std::int32_t EdgeChains::beyondGap(std::int32_t from, int sign, const MeanDirection& mean,
+/// The pixel straight ahead where the edge continues for at least two pixels, or -1.
+std::int32_t EdgeChains::beyondGap(std::int32_t from, int sign, MeanDirection mean,
                                    const EdgeMap& map) const {
   const Slope& slope = slopes_[mean.value()];
-  const Steps steps = stepsOf(mean, map.stride());
+  const Steps steps = stepsOf(mean.quadrant(), map.stride());
   const int max_gap = std::min(static_cast<int>(chain_.size()) / kPixelsPerGap, kMaxGap);
   for (int gap = 2; gap <= max_gap; ++gap) {
     const int dx = (slope.x * gap + kSlopeOne / 2) >> kSlopeShift;
     const int dy = (slope.y * gap + kSlopeOne / 2) >> kSlopeShift;
-    const std::int32_t landing =
-        strongestAcross(from + sign * (dx + dy * map.stride()), steps.across, mean, map);
-    if (landing >= 0 && strongestAcross(landing + sign * steps.along, steps.across, mean, map) >= 0)
-      return landing;
+    const PixelAt landing =
+        strongestAlongNormal(from + sign * (dx + dy * map.stride()), steps.normal, mean, map);
+    if (landing.pixel &&
+        strongestAlongNormal(landing.index + sign * steps.along, steps.normal, mean, map).pixel)
+      return landing.index;
   }
   return -1;
 }
 
-void EdgeChains::walk(std::int32_t from, int sign, MeanDirection* mean, EdgeMap* map) {
-  for (std::int32_t here = from; here >= 0;) {
-    const Steps steps = stepsOf(*mean, map->stride());
-    for (const std::int32_t beside : {here - steps.across, here + steps.across})
-      map->eraseIf(mean->agrees((*map)[beside].direction()), beside);
-    std::int32_t next = strongestAcross(here + sign * steps.along, steps.across, *mean, *map);
-    if (next < 0) next = beyondGap(here, sign, *mean, *map);
-    if (next >= 0) {
-      mean->add((*map)[next].direction());
-      map->erase(next);
-      chain_.push_back(next);
+/// The mean is a copy, which stays in registers. A pixel is found before the next one is looked
+/// for: what lies between is the time that a walk takes.
+void EdgeChains::walk(std::int32_t from, int sign, MeanDirection mean, EdgeMap* map) {
+  int quadrant = mean.quadrant();
+  Steps steps = stepsOf(quadrant, map->stride());
+  for (std::int32_t here = from;;) {
+    for (const std::int32_t neighbour : {here - steps.normal, here + steps.normal})
+      map->eraseIf(mean.agrees((*map)[neighbour].direction()), neighbour);
+    PixelAt next = strongestAlongNormal(here + sign * steps.along, steps.normal, mean, *map);
+    if (!next.pixel) {
+      next.index = beyondGap(here, sign, mean, *map);
+      if (next.index < 0) return;
+      next.pixel = (*map)[next.index];
     }
-    here = next;
+    mean.add(next.pixel.direction());
+    map->erase(next.index);
+    chain_.push_back(next.index);
+    here = next.index;
+    if (mean.quadrant() != quadrant) {  // seldom, so that the processor need not wait for the mean
+      quadrant = mean.quadrant();
+      steps = stepsOf(quadrant, map->stride());
+    }
   }
 }
 
@@ -113,11 +127,9 @@ const std::vector<std::int32_t>& EdgeChains::follow(std::int32_t anchor, EdgeMap
   const std::uint8_t direction = (*map)[anchor].direction();
   map->erase(anchor);
   chain_.assign(1, anchor);
-  MeanDirection backward(direction);
-  walk(anchor, -1, &backward, map);
+  walk(anchor, -1, MeanDirection(direction), map);
   std::reverse(chain_.begin(), chain_.end());
-  MeanDirection forward(direction);
-  walk(anchor, 1, &forward, map);
+  walk(anchor, 1, MeanDirection(direction), map);
   return chain_;
 }
 

@@ -17,7 +17,10 @@ class MeanDirection {
   /// [1/256 of a turn]
   std::uint8_t value() const { return static_cast<std::uint8_t>((mean_ + 128) >> 8); }
 
-  void add(std::uint8_t direction);
+  inline void add(std::uint8_t direction);
+
+  /// 0: the gradient points to the right; 1: down.
+  int quadrant() const { return ((value() + 32) >> 6) & 3; }
 
   /// Whether a direction is within LSD's angle tolerance, 22.5 deg, of the mean.
   bool agrees(std::uint8_t direction) const {
@@ -36,15 +39,14 @@ class EdgeChains {
  public:
   EdgeChains();
 
-  /// The chain through an anchor: pixels of the map, in the order in which the brighter side is
-  /// on the right hand. They are taken out of the map, and with them those beside it that belong to
-  /// the same edge.
+  /// The chain through an anchor: pixels of the map, ordered so that the brighter side is on the
+  /// right. They are erased from the map, and with them the neighbours that belong to the same
+  /// edge.
   const std::vector<std::int32_t>& follow(std::int32_t anchor, EdgeMap* map);
 
  private:
-  void walk(std::int32_t from, int sign, MeanDirection* mean, EdgeMap* map);
-  std::int32_t beyondGap(std::int32_t from, int sign, const MeanDirection& mean,
-                         const EdgeMap& map) const;
+  void walk(std::int32_t from, int sign, MeanDirection mean, EdgeMap* map);
+  std::int32_t beyondGap(std::int32_t from, int sign, MeanDirection mean, const EdgeMap& map) const;
 
   struct Slope {
     int x, y;

@@ -11,11 +11,11 @@
 namespace point_line_odometry {
 namespace {
 
-// The two loops below have no branches and read all that they may need, so that compilers vectorise
-// them.
+// The two loops below have no branches and load all operands unconditionally, so that compilers
+// vectorise them.
 
 /// Strength in the high byte, direction in the low one; 0 below the threshold. The arc tangent
-/// within an octant is a parabola, right to 0.2 of the directions' unit.
+/// within an octant is approximated by a parabola, to 0.2 of the directions' unit.
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void encodeRow(const short* __restrict gx, const short* __restrict gy, int width, int threshold,
                std::uint16_t* __restrict out) {
@@ -48,8 +48,8 @@ struct Magnitudes {
   const ushort* below;
 };
 
-/// Marks the maxima across the edge: those on steep edges if `steep_row`, those on flat edges in
-/// the given columns.
+/// Marks the maxima of the gradient along the edge's normal: those on steep edges if `steep_row`,
+/// those on flat edges in the given columns.
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void markAnchors(const short* __restrict gx, const short* __restrict gy,
                  const Magnitudes& magnitudes, cv::Range columns, int threshold, bool steep_row,
@@ -102,7 +102,17 @@ void EdgeMap::sortAnchors() {
     anchors_[begins[binOf(candidate)]++] = candidate.index;
 }
 
-void EdgeMap::compute(const GradientImage& gradient, int threshold, int anchor_interval) {
+/// Anchors there are no edge pixels then.
+void EdgeMap::eraseWhereZero(const cv::Mat& allowed) {
+  for (int y = 0; y < allowed.rows; ++y) {
+    const uchar* row = allowed.ptr<uchar>(y);
+    std::uint16_t* pixels = pixels_.data() + (y + kMargin) * stride_ + kMargin;
+    for (int x = 0; x < allowed.cols; ++x) pixels[x] = row[x] == 0 ? std::uint16_t{0} : pixels[x];
+  }
+}
+
+void EdgeMap::compute(const GradientImage& gradient, int threshold, int anchor_interval,
+                      const cv::Mat& allowed) {
   const cv::Size size = gradient.magnitude.size();
   stride_ = size.width + 2 * kMargin;
   pixels_.assign(static_cast<std::size_t>(stride_) * (size.height + 2 * kMargin), 0);
@@ -122,6 +132,7 @@ void EdgeMap::compute(const GradientImage& gradient, int threshold, int anchor_i
                 flat_columns_.data(), is_anchor_.data());
     collectAnchors(gradient, y);
   }
+  if (!allowed.empty()) eraseWhereZero(allowed);
   sortAnchors();
 }
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "point_line_odometry/line_detector.h"
+#include "features/gradient.h"
 
 namespace point_line_odometry {
 
@@ -17,7 +17,7 @@ class EdgePixel {
   explicit operator bool() const { return value_ != 0; }
   /// Of the gradient, in 1/256 of a full turn from the x axis towards the y axis.
   std::uint8_t direction() const { return static_cast<std::uint8_t>(value_); }
-  /// This pixel if the condition holds, else none; without a branch.
+  /// This pixel if the condition is true, else none; without a branch.
   EdgePixel onlyIf(bool condition) const {
     return EdgePixel(static_cast<std::uint16_t>(value_ & -static_cast<int>(condition)));
   }
@@ -32,18 +32,19 @@ class EdgePixel {
 /// subtraction.
 ///
 /// A margin of kMargin pixels that are no edge surrounds the image, so that steps up to that length
-/// need no test of the border. Pixels are named by their index in the map.
+/// need no test of the border. Pixels are identified by their index in the map.
 class EdgeMap {
  public:
   static constexpr int kMargin = 8;
 
   /// \param threshold least strength of an edge [Sobel units], at least 4.
-  /// \param anchor_interval rows or columns between the anchors of an edge: none that is longer
-  /// along its main axis is missed.
-  void compute(const GradientImage& gradient, int threshold, int anchor_interval);
+  /// \param anchor_interval rows or columns between the anchors of an edge: no edge that is longer
+  /// along its main axis is missed. \param allowed CV_8UC1, 0 where no edges are wanted, or empty.
+  void compute(const GradientImage& gradient, int threshold, int anchor_interval,
+               const cv::Mat& allowed = {});
 
-  /// Pixels where edges are looked for: maxima of the gradient across the edge, the strongest
-  /// first. Of each edge only one pixel in `anchor_interval` is among them.
+  /// Pixels from which edges are followed: maxima of the gradient along the edge's normal, the
+  /// strongest first. Of each edge only one pixel in `anchor_interval` is among them.
   const std::vector<std::int32_t>& anchors() const { return anchors_; }
 
   EdgePixel operator[](std::int32_t i) const { return EdgePixel(pixels_[i]); }
@@ -59,6 +60,7 @@ class EdgeMap {
 
  private:
   void collectAnchors(const GradientImage& gradient, int y);
+  void eraseWhereZero(const cv::Mat& allowed);
   void sortAnchors();
 
   struct Candidate {
@@ -69,7 +71,7 @@ class EdgeMap {
   std::int32_t stride_ = 0;
   std::vector<std::uint16_t> pixels_;
   std::vector<std::uint8_t> is_anchor_;     // of one row
-  std::vector<std::uint8_t> flat_columns_;  // where anchors of flat edges are taken
+  std::vector<std::uint8_t> flat_columns_;  // 1 where flat edges may have anchors
   std::vector<Candidate> candidates_;       // in reading order
   std::vector<std::int32_t> anchors_;
 };

@@ -1,9 +1,10 @@
+#include "features/gradient.h"
+
 #include <algorithm>
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
 #include "common/processor_clones.h"
-#include "point_line_odometry/line_detector.h"
 
 namespace point_line_odometry {
 namespace {
@@ -28,6 +29,15 @@ void packCoarsely(const short* __restrict gx, const short* __restrict gy, int wi
   }
 }
 
+/// An image of zeros with a margin of zeros. No cv::Mat::zeros, whose expression is set up at its
+/// first use, in a way that ThreadSanitizer cannot follow into OpenCV.
+cv::Mat coarseZeros(cv::Size size) {
+  constexpr int kMargin = GradientImage::kCoarseMargin;
+  const cv::Mat padded(size.height + 2 * kMargin, size.width + 2 * kMargin, CV_8SC2,
+                       cv::Scalar::all(0));
+  return padded(cv::Rect({kMargin, kMargin}, size));
+}
+
 }  // namespace
 
 void computeGradient(const cv::Mat& image, GradientImage* gradient) {
@@ -35,7 +45,7 @@ void computeGradient(const cv::Mat& image, GradientImage* gradient) {
                    cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
   cv::spatialGradient(gradient->smooth, gradient->gx, gradient->gy, 3, cv::BORDER_REPLICATE);
   gradient->magnitude.create(image.size(), CV_16UC1);
-  gradient->coarse.create(image.size(), CV_8SC2);
+  if (gradient->coarse.size() != image.size()) gradient->coarse = coarseZeros(image.size());
   for (int y = 0; y < image.rows; ++y) {
     const short* gx = gradient->gx.ptr<short>(y);
     const short* gy = gradient->gy.ptr<short>(y);

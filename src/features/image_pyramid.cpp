@@ -1,4 +1,4 @@
-#include "point_line_odometry/image_pyramid.h"
+#include "features/image_pyramid.h"
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>

@@ -1,9 +1,12 @@
+#include "features/line_descriptor.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
 
-#include "point_line_odometry/line_detector.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 namespace {
@@ -11,8 +14,10 @@ namespace {
 constexpr int kBands = 9;
 constexpr int kBandWidth = 7;
 constexpr int kRows = kBands * kBandWidth;
+constexpr int kMiddleRow = kRows / 2;
 constexpr int kMaxSamples = 32;  // along the segment; longer ones are sampled more sparsely
-constexpr int kSums = 4;  // gradient along the line and across it, positive and negative parts
+constexpr int kSums =
+    4;  // gradient along the line and along its normal, positive and negative parts
 constexpr int kPerBand = 2 * kSums;
 constexpr int kPairs = 32;
 
@@ -25,7 +30,8 @@ struct BandPair {
   int second;
 };
 
-/// 32 of the 36 pairs of bands: all but the four of neighbours at the ends, which say least.
+/// 32 of the 36 pairs of bands: all but the four of neighbouring bands at the ends, which are least
+/// distinctive.
 std::array<BandPair, kPairs> bandPairs() {
   std::array<BandPair, kPairs> pairs{};
   int count = 0;
@@ -38,58 +44,67 @@ std::array<BandPair, kPairs> bandPairs() {
   return pairs;
 }
 
-/// The pixels of a row parallel to a segment, relative to the first, and the rows' first pixels.
+/// The pixels of a row parallel to a segment, relative to the first, and the rows' first pixels, as
+/// offsets in GradientImage::coarse.
 class SampleGrid {
  public:
-  SampleGrid(const LineSegment& segment, cv::Size size) : size_(size) {
+  SampleGrid(const LineSegment& anywhere, const cv::Mat& coarse)
+      : origin_(coarse.ptr<Gradient>()), stride_(static_cast<std::int32_t>(coarse.step1() / 2)) {
+    // Detectors' segments may end a little outside the image.
+    const LineSegment segment{nearImage(anywhere.start, coarse.size()),
+                              nearImage(anywhere.end, coarse.size())};
     const Eigen::Vector2f along = segment.direction();
-    const Eigen::Vector2f across(-along.y(), along.x());
+    const Eigen::Vector2f normal(-along.y(), along.x());
     count_ = std::clamp(static_cast<int>(segment.length()), 2, kMaxSamples);
     const Eigen::Vector2f step = (segment.end - segment.start) / static_cast<float>(count_ - 1);
-    for (int i = 0; i < count_; ++i) {
-      steps_[i] = nearestPixel(step * static_cast<float>(i));
-      offsets_[i] = steps_[i].y * size.width + steps_[i].x;
-    }
+    for (int i = 0; i < count_; ++i) steps_[i] = nearestPixel(step * static_cast<float>(i));
+    for (int i = 0; i < count_; ++i) masks_[i / 4] |= std::uint64_t{0xFFFF} << (16 * (i % 4));
     for (int row = 0; row < kRows; ++row)
-      begins_[row] = nearestPixel(segment.start + across * static_cast<float>(row - kRows / 2));
-    inside_ = true;
-    for (const int row : {0, kRows - 1}) {
-      inside_ = inside_ && contains(begins_[row]) &&
-                contains(begins_[row] + steps_[static_cast<std::size_t>(count_ - 1)]);
-    }
+      begins_[row] = nearestPixel(segment.start + normal * static_cast<float>(row - kMiddleRow));
   }
 
   int count() const { return count_; }
 
-  /// Gradients (gx, gy) at the pixels of a row; 0 outside the image.
-  void sample(const cv::Mat& coarse, int row, std::array<Gradient, kMaxSamples>* gradients) const {
-    const auto begin = static_cast<std::ptrdiff_t>(begins_[row].y) * size_.width + begins_[row].x;
-    const Gradient* origin = coarse.ptr<Gradient>() + begin;
-    if (inside_) {
-      for (int i = 0; i < count_; ++i) (*gradients)[i] = origin[offsets_[i]];
-      return;
-    }
-    for (int i = 0; i < count_; ++i) {
-      (*gradients)[i] = contains(begins_[row] + steps_[i]) ? origin[offsets_[i]] : Gradient(0, 0);
-    }
+  /// Gradients (gx, gy) at eight pixels of a row, from the i-th on; 0 behind the last. They are put
+  /// together in registers: what is stored in pieces is slow to load as a whole.
+  cv::v_int8x16 sample(int row, int i) const {
+    const Gradient* begin = origin_ + begins_[row];
+    return v_reinterpret_as_s8(cv::v_uint64x2(four(begin, i), four(begin, i + 4)));
   }
 
  private:
-  static cv::Point nearestPixel(const Eigen::Vector2f& p) {
-    return {cvRound(p.x()), cvRound(p.y())};
-  }
-  bool contains(const cv::Point& p) const {
-    return p.x >= 0 && p.y >= 0 && p.x < size_.width && p.y < size_.height;
+  static constexpr int kMaxOutside = 2;  // of the ends [px]
+  static_assert(GradientImage::kCoarseMargin >= kMaxOutside + kMiddleRow + 1,
+                "all rows of a segment can be read");
+
+  static Eigen::Vector2f nearImage(const Eigen::Vector2f& p, cv::Size size) {
+    const auto clamped = [](float value, int length) {
+      return std::clamp(value, static_cast<float>(-kMaxOutside),
+                        static_cast<float>(length - 1 + kMaxOutside));
+    };
+    return {clamped(p.x(), size.width), clamped(p.y(), size.height)};
   }
 
-  cv::Size size_;
+  std::uint64_t four(const Gradient* begin, int i) const {
+    const auto at = [&](int k) {
+      std::uint16_t bits = 0;
+      std::memcpy(&bits, begin[steps_[i + k]].val, sizeof(bits));
+      return static_cast<std::uint64_t>(bits) << (16 * k);
+    };
+    return (at(0) | at(1) | at(2) | at(3)) & masks_[i / 4];
+  }
+
+  std::int32_t nearestPixel(const Eigen::Vector2f& p) const {
+    return cvRound(p.y()) * stride_ + cvRound(p.x());
+  }
+
+  const Gradient* origin_;
+  std::int32_t stride_;
   int count_ = 0;
-  bool inside_ = false;
-  std::array<cv::Point, kMaxSamples> steps_;
-  std::array<std::int32_t, kMaxSamples> offsets_{};
-  std::array<cv::Point, kRows> begins_;
+  std::array<std::int32_t, kMaxSamples> steps_{};
+  std::array<std::uint64_t, kMaxSamples / 4> masks_{};
+  std::array<std::int32_t, kRows> begins_{};
 };
-
 /// Sum of the components of gradients along one direction, and sum of their sizes.
 struct ComponentSums {
   cv::v_int32x4 sum = cv::v_setzero_s32();
@@ -119,27 +134,25 @@ RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
   const auto y = static_cast<std::int16_t>(cvRound(kOne * direction.y()));
   const auto minus_y = static_cast<std::int16_t>(-y);
   const cv::v_int16x8 along(x, y, x, y, x, y, x, y);
-  const cv::v_int16x8 across(minus_y, x, minus_y, x, minus_y, x, minus_y, x);
-  const SampleGrid grid(segment, gradient.gx.size());
+  const cv::v_int16x8 normal(minus_y, x, minus_y, x, minus_y, x, minus_y, x);
+  const SampleGrid grid(segment, gradient.coarse);
   const float half_mean = 0.5F / (kOne * static_cast<float>(grid.count()));
-  std::array<Gradient, kMaxSamples> samples{};  // beyond the grid's: zeros
   RowSums rows{};
   for (int row = 0; row < kRows; ++row) {
-    grid.sample(gradient.coarse, row, &samples);
     ComponentSums sums_along;
-    ComponentSums sums_across;
+    ComponentSums sums_normal;
     for (int i = 0; i < kMaxSamples; i += 8) {
       cv::v_int16x8 first;
       cv::v_int16x8 second;
-      v_expand(cv::v_load(samples[i].val), first, second);
+      v_expand(grid.sample(row, i), first, second);
       for (const cv::v_int16x8& four : {first, second}) {
         sums_along.add(four, along);
-        sums_across.add(four, across);
+        sums_normal.add(four, normal);
       }
     }
-    const std::array<float, 2> parts_across = sums_across.parts(half_mean);
+    const std::array<float, 2> parts_normal = sums_normal.parts(half_mean);
     const std::array<float, 2> parts_along = sums_along.parts(half_mean);
-    rows[row] = {parts_across[0], parts_across[1], parts_along[0], parts_along[1]};
+    rows[row] = {parts_normal[0], parts_normal[1], parts_along[0], parts_along[1]};
   }
   return rows;
 }

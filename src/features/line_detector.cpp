@@ -1,9 +1,10 @@
-#include "point_line_odometry/line_detector.h"
+#include "features/line_detector.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
+#include "features/a_contrario.h"
 #include "features/edge_chains.h"
 #include "features/edge_map.h"
 #include "features/line_fit.h"
@@ -17,9 +18,9 @@ constexpr float kCosTolerance2 = 0.853553391F;  // cos^2(22.5 deg): LSD's angle 
 constexpr int kSeedPixels = 8;                  // of the first fit of a segment
 constexpr int kSeedStep = 2;                    // pixels to the next seed where one is not straight
 constexpr int kMaxOutliersInRow = 2;            // then the segment ends
-constexpr double kMaxBesideStronger = 0.3;      // share of a segment's pixels
+constexpr double kMaxNextToStronger = 0.3;      // share of a segment's pixels
 
-/// Place of the ridge at a pixel, by a parabola across the edge.
+/// Sub-pixel position of the gradient's ridge at a pixel, by a parabola along the edge's normal.
 Eigen::Vector2f subpixel(const GradientImage& gradient, int x, int y) {
   const auto i = static_cast<std::ptrdiff_t>(y) * gradient.gx.cols + x;
   const ushort* magnitude = gradient.magnitude.ptr<ushort>() + i;
@@ -36,10 +37,10 @@ Eigen::Vector2f subpixel(const GradientImage& gradient, int x, int y) {
                   : Eigen::Vector2f(pixel.x(), pixel.y() + offset);
 }
 
-/// The gradient across a segment, along the normal that points to its brighter side.
-class AcrossGradient {
+/// The gradient along a segment's normal, which points to its brighter side.
+class NormalGradient {
  public:
-  AcrossGradient(const GradientImage& gradient, const LineSegment& segment)
+  NormalGradient(const GradientImage& gradient, const LineSegment& segment)
       : gx_(gradient.gx.ptr<short>()),
         gy_(gradient.gy.ptr<short>()),
         width_(gradient.gx.cols),
@@ -58,13 +59,13 @@ class AcrossGradient {
     if (i < 0) return false;
     const float gx = gx_[i];
     const float gy = gy_[i];
-    const float across = gy * along_.x() - gx * along_.y();
-    return across > 0.0F && across * across >= kCosTolerance2 * (gx * gx + gy * gy);
+    const float normal = gy * along_.x() - gx * along_.y();
+    return normal > 0.0F && normal * normal >= kCosTolerance2 * (gx * gx + gy * gy);
   }
 
  private:
   int index(float x, float y) const {
-    // NOLINTNEXTLINE(bugprone-incorrect-roundings): lround takes longer, and places are positive
+    // NOLINTNEXTLINE(bugprone-incorrect-roundings): lround takes longer, and pixels are positive
     const int column = static_cast<int>(x + 0.5F);
     const int row = static_cast<int>(y + 0.5F);  // NOLINT(bugprone-incorrect-roundings): likewise
     const bool inside = x >= -0.5F && y >= -0.5F && column < width_ && row < height_;
@@ -78,33 +79,35 @@ class AcrossGradient {
   Eigen::Vector2f along_;
 };
 
-/// How many of the first n pixels along a segment, one per pixel of length, have a gradient across
-/// it.
+/// How many of the first n pixels along a segment, one per pixel of length, have a gradient along
+/// its normal.
 int countAligned(const GradientImage& gradient, const LineSegment& segment, int n) {
-  const AcrossGradient across(gradient, segment);
+  const NormalGradient normal_gradient(gradient, segment);
   const Eigen::Vector2f along = segment.direction();
   int aligned = 0;
   for (int k = 0; k < n; ++k)
-    aligned += across.alignedAt(segment.start + along * static_cast<float>(k)) ? 1 : 0;
+    aligned += normal_gradient.alignedAt(segment.start + along * static_cast<float>(k)) ? 1 : 0;
   return aligned;
 }
 
-/// Whether the segment lies on the strongest edge of its kind within 3 px, at all but 30 % of its
-/// pixels. One beside a stronger edge is neither found again nor exact. Looks at every other pixel.
+/// Whether the segment lies on the strongest edge of its polarity within 3 px, at all but 30 % of
+/// its pixels. One next to a stronger edge is neither repeatable nor accurate. Samples every other
+/// pixel.
 bool onStrongestEdge(const GradientImage& gradient, const LineSegment& segment, int n) {
-  const AcrossGradient across(gradient, segment);
+  const NormalGradient normal_gradient(gradient, segment);
   const Eigen::Vector2f along = segment.direction();
   int samples = 0;
-  int beside_stronger = 0;
+  int next_to_stronger = 0;
   for (int k = 0; k < n; k += 2) {
     const Eigen::Vector2f p = segment.start + along * static_cast<float>(k);
-    const float own = std::max({across.at(p, -1.0F), across.at(p, 0.0F), across.at(p, 1.0F)});
-    const float other = std::max(
-        {across.at(p, -3.0F), across.at(p, -2.0F), across.at(p, 2.0F), across.at(p, 3.0F)});
+    const float own = std::max(
+        {normal_gradient.at(p, -1.0F), normal_gradient.at(p, 0.0F), normal_gradient.at(p, 1.0F)});
+    const float other = std::max({normal_gradient.at(p, -3.0F), normal_gradient.at(p, -2.0F),
+                                  normal_gradient.at(p, 2.0F), normal_gradient.at(p, 3.0F)});
     ++samples;
-    beside_stronger += other > own ? 1 : 0;
+    next_to_stronger += other > own ? 1 : 0;
   }
-  return beside_stronger <= kMaxBesideStronger * samples;
+  return next_to_stronger <= kMaxNextToStronger * samples;
 }
 
 /// A straight piece of a chain: its line, and its pixels [begin, end).
@@ -116,18 +119,18 @@ struct StraightPiece {
 
 /// The next straight piece from `begin` on: a seed is fitted, and grown while pixels lie on it.
 /// Empty at the chain's end.
-StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& places, std::size_t begin,
+StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& pixels, std::size_t begin,
                                 double max_deviation) {
-  for (; begin + kSeedPixels <= places.size(); begin += kSeedStep) {
+  for (; begin + kSeedPixels <= pixels.size(); begin += kSeedStep) {
     LineFit fit;
-    for (std::size_t i = begin; i < begin + kSeedPixels; ++i) fit.add(places[i]);
+    for (std::size_t i = begin; i < begin + kSeedPixels; ++i) fit.add(pixels[i]);
     fit.solve();
-    if (fit.varianceAcross() > 0.25 * max_deviation * max_deviation) continue;
+    if (fit.normalVariance() > 0.25 * max_deviation * max_deviation) continue;
     std::size_t last = begin + kSeedPixels - 1;
     int next_solve = 2 * kSeedPixels;
-    for (std::size_t i = last + 1; i < places.size() && i - last <= kMaxOutliersInRow; ++i) {
-      if (fit.distance(places[i]) > max_deviation) continue;
-      fit.add(places[i]);
+    for (std::size_t i = last + 1; i < pixels.size() && i - last <= kMaxOutliersInRow; ++i) {
+      if (fit.distance(pixels[i]) > max_deviation) continue;
+      fit.add(pixels[i]);
       last = i;
       if (fit.count() >= next_solve) {
         fit.solve();
@@ -135,19 +138,19 @@ StraightPiece nextStraightPiece(const std::vector<Eigen::Vector2f>& places, std:
       }
     }
     fit.solve();
-    return {{fit.project(places[begin]), fit.project(places[last])}, begin, last + 1};
+    return {{fit.project(pixels[begin]), fit.project(pixels[last])}, begin, last + 1};
   }
-  return {{}, places.size(), places.size()};
+  return {{}, pixels.size(), pixels.size()};
 }
 
 }  // namespace
 
-/// Scratch memory, kept from image to image.
+/// Scratch memory, reused for each image.
 struct LineDetector::Scratch {
   AContrarioTable table;
   EdgeMap map;
   EdgeChains chains;
-  std::vector<Eigen::Vector2f> places;  // of a chain's pixels, sub-pixel
+  std::vector<Eigen::Vector2f> pixels;  // of a chain's pixels, sub-pixel
 };
 
 LineDetector::LineDetector(const LineParameters& parameters)
@@ -156,7 +159,8 @@ LineDetector::LineDetector(LineDetector&&) noexcept = default;
 LineDetector& LineDetector::operator=(LineDetector&&) noexcept = default;
 LineDetector::~LineDetector() = default;
 
-std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
+std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient,
+                                              const FeatureMask& mask) {
   std::vector<LineSegment> segments;
   const cv::Size size = gradient.gx.size();
   if (size.width < 3 || size.height < 3) return segments;
@@ -164,17 +168,18 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
   EdgeMap& map = scratch_->map;
   const int threshold = static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale));
   const int anchor_interval = std::clamp(static_cast<int>(0.4 * parameters_.min_length_px), 1, 8);
-  map.compute(gradient, threshold, anchor_interval);
+  map.compute(gradient, threshold, anchor_interval, mask.edges());
   for (const std::int32_t anchor : map.anchors()) {
     if (!map[anchor]) continue;
     const std::vector<std::int32_t>& chain = scratch_->chains.follow(anchor, &map);
     // The pixels of a diagonal edge are sqrt(2) apart.
     if (static_cast<double>(chain.size()) < 0.7 * parameters_.min_length_px) continue;
-    scratch_->places.clear();
+    scratch_->pixels.clear();
     for (const std::int32_t i : chain)
-      scratch_->places.push_back(subpixel(gradient, map.column(i), map.row(i)));
+      scratch_->pixels.push_back(subpixel(gradient, map.column(i), map.row(i)));
     addSegments(gradient, &segments);
   }
+  mask.cut(parameters_.min_length_px, &segments);
   keepLongest(parameters_.max_count, &segments);
   return segments;
 }
@@ -182,9 +187,9 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient) {
 /// Appends the straight, meaningful pieces of the chain in the scratch memory.
 void LineDetector::addSegments(const GradientImage& gradient,
                                std::vector<LineSegment>* segments) const {
-  const std::vector<Eigen::Vector2f>& places = scratch_->places;
-  for (std::size_t begin = 0; begin < places.size();) {
-    const StraightPiece piece = nextStraightPiece(places, begin, parameters_.max_deviation_px);
+  const std::vector<Eigen::Vector2f>& pixels = scratch_->pixels;
+  for (std::size_t begin = 0; begin < pixels.size();) {
+    const StraightPiece piece = nextStraightPiece(pixels, begin, parameters_.max_deviation_px);
     begin = piece.end;
     if (piece.segment.length() < parameters_.min_length_px) continue;
     const int n = static_cast<int>(piece.segment.length()) + 1;

@@ -19,8 +19,8 @@ class LineFit {
     sum_yy_ += q.y() * q.y();
   }
 
-  /// Takes up what was added; the functions below speak of the last solution. Needs two different
-  /// pixels.
+  /// Fits the line to all pixels added; the functions below refer to the last fit. Needs two
+  /// different pixels.
   void solve() {
     const Eigen::Vector2d mean = sum_ / count_;
     const double xx = sum_xx_ / count_ - mean.x() * mean.x();
@@ -35,13 +35,13 @@ class LineFit {
     direction_ =
         norm > 0.0 ? Eigen::Vector2f((along / norm).cast<float>()) : Eigen::Vector2f(1.0F, 0.0F);
     middle_ = origin_ + mean.cast<float>();
-    variance_across_ = std::max(0.0, 0.5 * (xx + yy) - root);
+    normal_variance_ = std::max(0.0, 0.5 * (xx + yy) - root);
   }
 
   int count() const { return count_; }
 
   /// Mean square distance of the pixels from the line [px^2].
-  double varianceAcross() const { return variance_across_; }
+  double normalVariance() const { return normal_variance_; }
 
   /// Distance from the line [px].
   float distance(const Eigen::Vector2f& p) const {
@@ -63,7 +63,7 @@ class LineFit {
   int count_ = 0;
   Eigen::Vector2f direction_ = Eigen::Vector2f(1.0F, 0.0F);
   Eigen::Vector2f middle_ = Eigen::Vector2f::Zero();
-  double variance_across_ = 0.0;
+  double normal_variance_ = 0.0;
 };
 
 }  // namespace point_line_odometry

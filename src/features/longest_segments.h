@@ -4,11 +4,11 @@
 #include <cstddef>
 #include <vector>
 
-#include "point_line_odometry/features.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
-/// Sorts segments, the longest first, and keeps at most so many of them.
+/// Sorts segments, the longest first, and keeps at most `max_count` of them.
 inline void keepLongest(int max_count, std::vector<LineSegment>* segments) {
   std::stable_sort(
       segments->begin(), segments->end(),

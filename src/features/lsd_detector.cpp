@@ -1,28 +1,18 @@
-#include "point_line_odometry/lsd_detector.h"
+#include "features/lsd_detector.h"
 
 #include <stdexcept>
 
+#include "common/opencv_lsd.h"
 #include "features/longest_segments.h"
 
 namespace point_line_odometry {
 namespace {
 
-// LSD looks at the image at 0.8 of its size, and takes u / 0.8 for the place of u there; between
-// the centres of pixels it is (u + 0.5) / 0.8 - 0.5.
+// LSD scales the image by 0.8 and maps a pixel u of it back to u / 0.8; with pixels' centres at
+// integers it is (u + 0.5) / 0.8 - 0.5.
 constexpr float kShift = 0.5F / 0.8F - 0.5F;
 
 }  // namespace
-
-cv::Ptr<cv::LineSegmentDetector> createLsd() {
-  try {
-    cv::Ptr<cv::LineSegmentDetector> lsd = cv::createLineSegmentDetector(cv::LSD_REFINE_STD);
-    cv::Mat lines;
-    lsd->detect(cv::Mat::zeros(32, 32, CV_8UC1), lines);
-    return lsd;
-  } catch (const cv::Exception&) {
-    return {};
-  }
-}
 
 bool LsdDetector::isAvailable() { return !createLsd().empty(); }
 
@@ -31,8 +21,8 @@ LsdDetector::LsdDetector(const LineParameters& parameters)
   if (lsd_.empty()) throw std::runtime_error("this OpenCV has no line segment detector");
 }
 
-/// LSD walks with the brighter side on the left hand.
-std::vector<LineSegment> LsdDetector::detect(const cv::Mat& image) const {
+/// LSD's segments have the brighter side on the left: start and end are swapped.
+std::vector<LineSegment> LsdDetector::detect(const cv::Mat& image, const FeatureMask& mask) const {
   std::vector<cv::Vec4f> lines;
   lsd_->detect(image, lines);
   std::vector<LineSegment> segments;
@@ -42,20 +32,9 @@ std::vector<LineSegment> LsdDetector::detect(const cv::Mat& image) const {
                               {line[0] + kShift, line[1] + kShift}};
     if (segment.length() >= parameters_.min_length_px) segments.push_back(segment);
   }
+  mask.cut(parameters_.min_length_px, &segments);
   keepLongest(parameters_.max_count, &segments);
   return segments;
-}
-
-const char* toString(LineDetectorKind kind) {
-  switch (kind) {
-    case LineDetectorKind::kNone:
-      return "none";
-    case LineDetectorKind::kEdgeChains:
-      return "edge_chains";
-    case LineDetectorKind::kLsd:
-      return "lsd";
-  }
-  return "unknown";
 }
 
 LineDetectorKind lineDetectorKind(const LineParameters& parameters,

@@ -7,11 +7,11 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kPatternRadius = 13;  // of the comparisons; turned ones reach sqrt(2) further
+constexpr int kPatternRadius = 13;  // of the comparisons; sqrt(2) more when rotated
 constexpr double kPi = 3.14159265358979323846;
 
-/// Approximately normal numbers from a generator that the standard fixes, so that descriptors are
-/// the same everywhere.
+/// Approximately normal numbers from a generator that the C++ standard specifies, so that
+/// descriptors are the same on every platform.
 class PatternGenerator {
  public:
   /// One coordinate within the pattern. \param sigma standard deviation [px].
@@ -35,7 +35,7 @@ OrbDescriptor::OrbDescriptor() {
     const int half_width =
         static_cast<int>(std::sqrt(static_cast<float>(kRadius * kRadius - dy * dy)) + 0.5F);
     for (int column = 0; column < kColumns; ++column)
-      in_disc_[dy][column] = std::abs(column - kRadius) <= half_width ? -1 : 0;
+      in_radius_[dy][column] = std::abs(column - kRadius) <= half_width ? -1 : 0;
   }
   PatternGenerator generator;
   constexpr double kSigma = (2 * kRadius + 1) / 5.0;  // a fifth of the patch, as in BRIEF
@@ -59,7 +59,7 @@ OrbDescriptor::OrbDescriptor() {
   }
 }
 
-/// Two rows at the same distance above and below the centre are taken together; all sums fit into
+/// Two rows at the same distance above and below the centre are summed together; all sums fit into
 /// 16 bits: 31 * 255 and 15 * 16 / 2 * 255.
 float OrbDescriptor::orientation(const cv::Mat& image, cv::Point centre) const {
   std::array<std::int16_t, kColumns> sums{};          // of each column
@@ -67,14 +67,14 @@ float OrbDescriptor::orientation(const cv::Mat& image, cv::Point centre) const {
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const uchar* middle = image.ptr<uchar>(centre.y) + centre.x - kRadius;
   for (int i = 0; i < kColumns; ++i)
-    sums[i] = static_cast<std::int16_t>(middle[i] & in_disc_[0][i]);
+    sums[i] = static_cast<std::int16_t>(middle[i] & in_radius_[0][i]);
   for (int dy = 1; dy <= kRadius; ++dy) {
     const uchar* above = middle - dy * step;
     const uchar* below = middle + dy * step;
-    const auto& in_disc = in_disc_[dy];
+    const auto& in_radius = in_radius_[dy];
     for (int i = 0; i < kColumns; ++i) {
-      const auto up = static_cast<std::int16_t>(above[i] & in_disc[i]);
-      const auto down = static_cast<std::int16_t>(below[i] & in_disc[i]);
+      const auto up = static_cast<std::int16_t>(above[i] & in_radius[i]);
+      const auto down = static_cast<std::int16_t>(below[i] & in_radius[i]);
       sums[i] = static_cast<std::int16_t>(sums[i] + up + down);
       sums_times_y[i] = static_cast<std::int16_t>(sums_times_y[i] + dy * (down - up));
     }

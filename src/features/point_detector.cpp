@@ -1,9 +1,10 @@
-#include "point_line_odometry/point_detector.h"
+#include "features/point_detector.h"
 
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "features/coarser_corners.h"
 #include "features/cv_orb_descriptor.h"
 #include "features/fast_corners.h"
 #include "features/orb_descriptor.h"
@@ -12,7 +13,6 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kBorder = OrbDescriptor::kBorder;
-constexpr double kThresholdPerLevel = 0.71;  // weaker contrast shows where pixels are averaged
 static_assert(kBorder >= FastCorners::kMinBorder, "the corner test reads as far");
 
 /// The strongest corners of each cell, cells in reading order.
@@ -34,9 +34,9 @@ class CellSelector {
     }
     kept_.clear();
     for (std::vector<std::uint32_t>& content : cells_) {
-      const auto quota = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(content.size()),
-                                                  parameters.max_per_cell);
-      const auto end = content.begin() + quota;
+      const auto num_kept = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(content.size()),
+                                                     parameters.max_per_cell);
+      const auto end = content.begin() + num_kept;
       std::nth_element(content.begin(), end, content.end());
       std::sort(content.begin(), end);
       for (auto it = content.begin(); it != end; ++it) kept_.push_back(corners[*it & kMaxIndex]);
@@ -47,8 +47,8 @@ class CellSelector {
  private:
   static constexpr std::uint32_t kMaxIndex = 0xFFFFFF;
 
-  /// Strong ones first, among equals in reading order: the score in the high byte, turned round,
-  /// and the place in the list.
+  /// Sort key, strong corners first, equal ones in reading order: the inverted score in the high
+  /// byte, the index in the list below.
   static std::uint32_t rank(const FastCorner& corner, std::size_t i) {
     return (static_cast<std::uint32_t>(255 - corner.score) << 24) |
            static_cast<std::uint32_t>(std::min<std::size_t>(i, kMaxIndex));
@@ -60,13 +60,14 @@ class CellSelector {
 
 }  // namespace
 
-/// Scratch memory and tables, kept from image to image.
+/// Scratch memory and tables, reused for each image.
 struct PointDetector::Scratch {
   FastCorners corners;
   CellSelector selector;
   OrbDescriptor orb;
   CvOrbDescriptor cv_orb;
   cv::Mat smooth;
+  cv::Mat padded;
 };
 
 PointDetector::PointDetector(const PointParameters& parameters)
@@ -75,66 +76,74 @@ PointDetector::PointDetector(PointDetector&&) noexcept = default;
 PointDetector& PointDetector::operator=(PointDetector&&) noexcept = default;
 PointDetector::~PointDetector() = default;
 
-void PointDetector::detectLevel(const cv::Mat& image, int octave,
-                                std::vector<PointFeature>* features) {
-  const cv::Size inside(image.cols - 2 * kBorder, image.rows - 2 * kBorder);
-  if (inside.width <= 0 || inside.height <= 0) return;
-  const double threshold = parameters_.fast_threshold * std::pow(kThresholdPerLevel, octave);
-  const std::vector<FastCorner>& corners =
-      scratch_->corners.detect(image, std::max(cvRound(threshold), 1), kBorder);
-  const std::size_t begin = features->size();
-  for (const FastCorner& corner : scratch_->selector.select(corners, inside, parameters_)) {
-    const cv::Point centre(corner.x, corner.y);
-    PointFeature feature;
-    feature.pixel = {static_cast<float>(centre.x), static_cast<float>(centre.y)};
-    feature.angle_rad = scratch_->orb.orientation(image, centre);
-    feature.response = corner.score;
-    feature.octave = octave;
-    features->push_back(feature);
-  }
-  describe(image, begin, features);
-}
-
-/// Descriptors of the features [begin, end of the list) of a level, whose pixels are still those of
-/// that level.
+/// Orientation and descriptor of the keypoints [begin, end of the list) of a level, whose pixels
+/// are still those of that level.
 void PointDetector::describe(const cv::Mat& image, std::size_t begin,
-                             std::vector<PointFeature>* features) {
+                             std::vector<Keypoint>* keypoints) {
+  for (std::size_t i = begin; i < keypoints->size(); ++i) {
+    Keypoint& keypoint = (*keypoints)[i];
+    const cv::Point centre(cvRound(keypoint.pixel.x()), cvRound(keypoint.pixel.y()));
+    keypoint.angle_rad = scratch_->orb.orientation(image, centre);
+  }
   if (parameters_.descriptor == "orb") {
-    scratch_->cv_orb.describe(image, begin, features);
+    scratch_->cv_orb.describe(image, begin, keypoints);
     return;
   }
   cv::GaussianBlur(image, scratch_->smooth, cv::Size(7, 7), 2.0, 2.0,
                    cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-  for (std::size_t i = begin; i < features->size(); ++i) {
-    PointFeature& feature = (*features)[i];
-    const cv::Point centre(cvRound(feature.pixel.x()), cvRound(feature.pixel.y()));
-    feature.descriptor = scratch_->orb.describe(scratch_->smooth, centre, feature.angle_rad);
+  for (std::size_t i = begin; i < keypoints->size(); ++i) {
+    Keypoint& keypoint = (*keypoints)[i];
+    const cv::Point centre(cvRound(keypoint.pixel.x()), cvRound(keypoint.pixel.y()));
+    keypoint.descriptor = scratch_->orb.describe(scratch_->smooth, centre, keypoint.angle_rad);
   }
 }
 
-std::vector<PointFeature> PointDetector::detect(const cv::Mat& image) {
-  std::vector<PointFeature> features = detectFinest(image);
-  const std::vector<PointFeature> coarser = detectCoarser(ImagePyramid(image, parameters_));
-  features.insert(features.end(), coarser.begin(), coarser.end());
-  return features;
+std::vector<Keypoint> PointDetector::detect(const cv::Mat& image) {
+  std::vector<Keypoint> keypoints = detectFinest(image);
+  const std::vector<Keypoint> coarser = detectCoarser(ImagePyramid(image, parameters_));
+  keypoints.insert(keypoints.end(), coarser.begin(), coarser.end());
+  return keypoints;
 }
 
-std::vector<PointFeature> PointDetector::detectFinest(const cv::Mat& image) {
-  std::vector<PointFeature> features;
-  detectLevel(image, 0, &features);
-  return features;
-}
-
-std::vector<PointFeature> PointDetector::detectCoarser(const ImagePyramid& pyramid) {
-  std::vector<PointFeature> features;
-  for (std::size_t level = 1; level < pyramid.levels.size(); ++level) {
-    const int octave = static_cast<int>(level);
-    const std::size_t begin = features.size();
-    detectLevel(pyramid.levels[level], octave, &features);
-    for (std::size_t i = begin; i < features.size(); ++i)
-      features[i].pixel = pyramid.fromLevel(features[i].pixel, octave);
+std::vector<Keypoint> PointDetector::detectFinest(const cv::Mat& image, const FeatureMask& mask) {
+  std::vector<Keypoint> keypoints;
+  const cv::Size inside(image.cols - 2 * kBorder, image.rows - 2 * kBorder);
+  if (inside.width <= 0 || inside.height <= 0) return keypoints;
+  const std::vector<FastCorner>& corners =
+      scratch_->corners.detect(image, parameters_.fast_threshold, kBorder,
+                               {parameters_.cell_size_px, parameters_.max_per_cell}, mask.points());
+  for (const FastCorner& corner : scratch_->selector.select(corners, inside, parameters_)) {
+    Keypoint keypoint;
+    keypoint.pixel = {static_cast<float>(corner.x), static_cast<float>(corner.y)};
+    keypoint.response = corner.score;
+    keypoints.push_back(keypoint);
   }
-  return features;
+  describe(image, 0, &keypoints);
+  return keypoints;
+}
+
+std::vector<Keypoint> PointDetector::detectCoarser(const ImagePyramid& pyramid, ThreadPool* threads,
+                                                   const FeatureMask& mask) {
+  const std::vector<Keypoint> corners = detectCoarserCorners(pyramid, parameters_, threads, mask);
+  // Descriptors need a wider border than corners, which would be most of a small level.
+  constexpr int kPadding = kBorder - kCoarserBorder;
+  const Eigen::Vector2f margin(kPadding, kPadding);
+  std::vector<Keypoint> keypoints;
+  keypoints.reserve(corners.size());
+  for (auto corner = corners.begin(); corner != corners.end();) {
+    const int octave = corner->octave;
+    const std::size_t begin = keypoints.size();
+    for (; corner != corners.end() && corner->octave == octave; ++corner) {
+      keypoints.push_back(*corner);
+      keypoints.back().pixel = pyramid.toLevel(corner->pixel, octave) + margin;
+    }
+    cv::copyMakeBorder(pyramid.levels[static_cast<std::size_t>(octave)], scratch_->padded, kPadding,
+                       kPadding, kPadding, kPadding, cv::BORDER_REFLECT_101);
+    describe(scratch_->padded, begin, &keypoints);
+    for (std::size_t i = begin; i < keypoints.size(); ++i)
+      keypoints[i].pixel = pyramid.fromLevel(keypoints[i].pixel - margin, octave);
+  }
+  return keypoints;
 }
 
 }  // namespace point_line_odometry

@@ -1,4 +1,6 @@
-#include "point_line_odometry/stereo_feature_detector.h"
+#include "features/stereo_feature_detector.h"
+
+#include "features/line_descriptor.h"
 
 namespace point_line_odometry {
 
@@ -16,9 +18,12 @@ StereoFeatureDetector::LineStage StereoFeatureDetector::makeLineStage(
   return stage;
 }
 
-std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat& image) {
+std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat& image,
+                                                                  const FeatureMask& mask) {
   computeGradient(image, &gradient);
-  const std::vector<LineSegment> segments = lsd ? lsd->detect(image) : edge_chains.detect(gradient);
+  if (!mask.empty()) gradient.coarse.setTo(cv::Scalar::all(0), mask.edges() == 0);
+  const std::vector<LineSegment> segments =
+      lsd ? lsd->detect(image, mask) : edge_chains.detect(gradient, mask);
   const std::vector<Descriptor> descriptors = describeLines(gradient, segments);
   std::vector<LineFeature> features;
   features.reserve(segments.size());
@@ -27,37 +32,31 @@ std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat&
   return features;
 }
 
-DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads) {
+DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads,
+                                               const StereoMasks& masks) {
   DetectedFeatures features;
   // Lines first: they take longer.
   threads->run(4, [&](int task) {
     const bool left = task % 2 == 0;
     const cv::Mat& image = left ? images.left : images.right;
+    const FeatureMask& mask = left ? masks.left : masks.right;
     if (task < 2 && line_detector_ != LineDetectorKind::kNone) {
       (left ? features.lines_left : features.lines_right) =
-          line_stages_[left ? 0 : 1].detect(image);
+          line_stages_[left ? 0 : 1].detect(image, mask);
     }
     if (task >= 2 && points_enabled_) {
       (left ? features.points_left : features.points_right) =
-          point_detectors_[left ? 0 : 1].detectFinest(image);
+          point_detectors_[left ? 0 : 1].detectFinest(image, mask);
     }
   });
   return features;
 }
 
-DetectedFeatures StereoFeatureDetector::detectCoarserPoints(const ImagePyramid& left,
-                                                            const ImagePyramid& right,
-                                                            ThreadPool* threads) {
-  DetectedFeatures features;
-  if (!points_enabled_) return features;
-  threads->run(2, [&](int task) {
-    if (task == 0) {
-      features.points_left = point_detectors_[0].detectCoarser(left);
-    } else {
-      features.points_right = point_detectors_[1].detectCoarser(right);
-    }
-  });
-  return features;
+std::vector<Keypoint> StereoFeatureDetector::detectCoarserPoints(const ImagePyramid& image,
+                                                                 ThreadPool* threads,
+                                                                 const FeatureMask& mask) {
+  if (!points_enabled_) return {};
+  return point_detectors_[0].detectCoarser(image, threads, mask);
 }
 
 }  // namespace point_line_odometry

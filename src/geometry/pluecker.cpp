@@ -1,4 +1,4 @@
-#include "point_line_odometry/pluecker.h"
+#include "geometry/pluecker.h"
 
 #include <cmath>
 

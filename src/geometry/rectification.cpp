@@ -17,7 +17,7 @@ constexpr double kSameCamera_px = 0.01;
 constexpr double kOrthonormal = 1e-3;
 constexpr double kMinBaseline_m = 1e-6;
 
-/// Parts of a camera's calibration as OpenCV takes them.
+/// A camera's intrinsics in OpenCV's types.
 struct OpenCvCamera {
   cv::Matx33d K;
   cv::Mat D;
@@ -80,7 +80,7 @@ OpenCvCamera toOpenCv(const CameraCalibration& camera, const char* side) {
 
 void requireProjection(const CameraCalibration& camera, const char* side) {
   const auto& P = camera.P;
-  if (!P.allFinite()) fail(side, " camera: P holds values that are not finite: calibrate the pair");
+  if (!P.allFinite()) fail(side, " camera: P has values that are not finite: calibrate the pair");
   if (P.isZero(0.0)) {
     fail(side, " camera: P is all zero: the camera is not calibrated; calibrate the stereo pair");
   }
@@ -214,6 +214,20 @@ StereoRectifier::StereoRectifier(const StereoCalibration& calibration)
   }
 }
 
+/// A pixel is 0 if it is interpolated from one that is.
+cv::Mat StereoRectifier::rectifyMask(const cv::Mat& raw, const Maps& maps) {
+  if (raw.empty()) return {};
+  if (raw.type() != CV_8UC1 || raw.size() != maps.xy.size()) {
+    fail("a mask to be rectified is ", raw.cols, " x ", raw.rows, " with ", raw.channels(),
+         " channel(s) of ", 8 * raw.elemSize1(), " bit, but must be 8 bit grey and of the images' ",
+         maps.xy.cols, " x ", maps.xy.rows);
+  }
+  cv::Mat mean;
+  cv::remap(raw != 0, mean, maps.xy, maps.weight, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
+            cv::Scalar(255));
+  return mean == 255;
+}
+
 StereoImages StereoRectifier::rectify(const StereoImages& raw) const {
   const cv::Size size(camera_.width, camera_.height);
   for (const cv::Mat* image : {&raw.left, &raw.right}) {
@@ -221,11 +235,13 @@ StereoImages StereoRectifier::rectify(const StereoImages& raw) const {
       fail("an image to be rectified is ", image->cols, " x ", image->rows, " with ",
            image->channels(), " channel(s) of ", 8 * image->elemSize1(),
            " bit, but must be 8 bit grey and ", size.width, " x ", size.height,
-           " as the calibration says");
+           " as in the calibration");
     }
   }
   StereoImages rectified;
   rectified.stamp_ns = raw.stamp_ns;
+  rectified.left_mask = rectifyMask(raw.left_mask, maps_[0]);
+  rectified.right_mask = rectifyMask(raw.right_mask, maps_[1]);
   const std::array<const cv::Mat*, 2> from{&raw.left, &raw.right};
   const std::array<cv::Mat*, 2> to{&rectified.left, &rectified.right};
   cv::parallel_for_(cv::Range(0, 2), [&](const cv::Range& range) {

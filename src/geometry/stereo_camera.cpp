@@ -7,11 +7,11 @@
 namespace point_line_odometry {
 namespace {
 
-void requirePositive(const char* name, double value, const char* cure) {
+void requirePositive(const char* name, double value, const char* hint) {
   if (std::isfinite(value) && value > 0.0) return;
   std::ostringstream text;
   text << "stereo camera: " << name << " is " << value
-       << ", but must be a number above 0: " << cure;
+       << ", but must be a number above 0: " << hint;
   throw std::invalid_argument(text.str());
 }
 

@@ -1,4 +1,4 @@
-#include "point_line_odometry/triangulation.h"
+#include "geometry/triangulation.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,7 @@ Eigen::Matrix3d backProjectJacobian(const StereoCamera& camera, const Eigen::Vec
   return J;
 }
 
-/// \param disparity_error_px of the disparity, beside the noise of the pixels.
+/// \param disparity_error_px of the disparity, in addition to the noise of the pixels.
 TriangulatedPoint pointAt(const StereoCamera& camera, const Eigen::Vector2d& left_px,
                           double disparity_px, double sigma_px, double disparity_error_px) {
   TriangulatedPoint point;
@@ -31,7 +31,7 @@ TriangulatedPoint pointAt(const StereoCamera& camera, const Eigen::Vector2d& lef
   return point;
 }
 
-/// Place on the right segment at a row: 0 at its start, 1 at its end.
+/// Parameter of the right segment at a row: 0 at its start, 1 at its end.
 double parameterAtRow(const LineSegment& segment, double v) {
   return (v - segment.start.y()) / (static_cast<double>(segment.end.y()) - segment.start.y());
 }
@@ -54,11 +54,11 @@ std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,
 
 TriangulatedPoint triangulateFarPoint(const StereoCamera& camera, const Eigen::Vector2d& left_px,
                                       double right_u_px, double sigma_px) {
-  constexpr double kLeastDisparityPx = 0.01;  // the place is finite
+  constexpr double kMinDisparityPx = 0.01;  // keeps the point finite
   const double measured = left_px.x() - right_u_px;
   const double squared = measured * measured;
-  const double likely = measured * squared / (squared + 2.0 * sigma_px * sigma_px);
-  const double disparity = std::max(likely, kLeastDisparityPx);
+  const double shrunk = measured * squared / (squared + 2.0 * sigma_px * sigma_px);
+  const double disparity = std::max(shrunk, kMinDisparityPx);
   return pointAt(camera, left_px, disparity, sigma_px, disparity - measured);
 }
 
@@ -71,9 +71,10 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
   if (!(std::abs(along_left.y()) >= min_sine && std::abs(along_right.y()) >= min_sine))
     return std::nullopt;
 
-  // The noise has four sources: left start, left end, right start, right end, each across its line.
-  const Eigen::Vector2d across_left(-along_left.y(), along_left.x());
-  const Eigen::Vector2d across_right(-along_right.y(), along_right.x());
+  // Independent noise of four end points: left start, left end, right start, right end, each along
+  // its segment's normal.
+  const Eigen::Vector2d normal_left(-along_left.y(), along_left.x());
+  const Eigen::Vector2d normal_right(-along_right.y(), along_right.x());
   TriangulatedLine line;
   Eigen::Matrix<double, 6, 4> J = Eigen::Matrix<double, 6, 4>::Zero();
   for (const int end : {0, 1}) {
@@ -90,14 +91,14 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
     (end == 0 ? line.start_camera : line.end_camera) = p;
     const Eigen::Matrix3d J_pixel = backProjectJacobian(camera, p, disparity);
     const double slope = along_right.x() / along_right.y();  // du / dv of the right line
-    const double left_shift = across_left.x() - slope * across_left.y();
+    const double left_shift = normal_left.x() - slope * normal_left.y();
     J.block<3, 1>(3 * end, end) =
-        J_pixel * Eigen::Vector3d(across_left.x(), across_left.y(), left_shift);
+        J_pixel * Eigen::Vector3d(normal_left.x(), normal_left.y(), left_shift);
     const double right_shift =
-        1.0 / across_right.x();  // of the right line along the row, per pixel across
-    const Eigen::Vector3d by_right = -J_pixel.col(2) * right_shift;
-    J.block<3, 1>(3 * end, 2) = (1.0 - s) * by_right;
-    J.block<3, 1>(3 * end, 3) = s * by_right;
+        1.0 / normal_right.x();  // horizontal shift of the right line, per pixel along its normal
+    const Eigen::Vector3d J_right = -J_pixel.col(2) * right_shift;
+    J.block<3, 1>(3 * end, 2) = (1.0 - s) * J_right;
+    J.block<3, 1>(3 * end, 3) = s * J_right;
   }
   line.covariance = sigma_px * sigma_px * J * J.transpose();
   return line;

@@ -10,8 +10,8 @@
 
 namespace point_line_odometry {
 
-/// Keyframes and the landmarks that they see: all values, so that it can be solved beside other
-/// work.
+/// Keyframes and the landmarks that they observe: a value, so that it can be solved in parallel to
+/// other work.
 struct BundleProblem {
   struct Frame {
     std::uint64_t id = 0;
@@ -19,19 +19,19 @@ struct BundleProblem {
     bool fixed = false;
   };
 
-  template <typename Place, typename Sight>
+  template <typename Estimate, typename Observation>
   struct Landmark {
-    struct FrameSight {
+    struct FrameObservation {
       int frame;  ///< index into frames
-      Sight sight;
+      Observation observation;
     };
     std::uint64_t id = 0;
-    Place place;
-    std::vector<FrameSight> sights;
-    bool culled = false;  ///< by adjustBundle(): its place is wrong
+    Estimate estimate;
+    std::vector<FrameObservation> observations;
+    bool culled = false;  ///< by adjustBundle(): its position is invalid
   };
 
-  /// A motion between two frames that is known from elsewhere.
+  /// A relative-pose constraint between two frames.
   struct Motion {
     int from;  ///< index into frames
     int to;    ///< index into frames
@@ -41,17 +41,17 @@ struct BundleProblem {
 
   std::vector<Frame> frames;
   std::vector<Motion> motions;
-  std::vector<Landmark<PointBelief, PointSight>> points;
-  std::vector<Landmark<LineBelief, LineSight>> lines;
+  std::vector<Landmark<PointEstimate, PointObservation>> points;
+  std::vector<Landmark<LineEstimate, LineObservation>> lines;
 
   bool hasLandmarks() const { return !points.empty() || !lines.empty(); }
 };
 
-/// Minimises the point-line reprojection errors of all sights, with Huber kernels, and the errors
-/// of the motions, over the frames that are not fixed and the landmarks, by Levenberg-Marquardt;
-/// landmarks are eliminated first (Schur complement). The spreads of the landmarks stay as they
-/// are: they scale the unknowns. A landmark that is behind a camera that sees it, or whose
-/// residuals there are not finite, is culled: the solution goes without it. Returns false, and
+/// Minimises the point-line reprojection errors of all observations, with a Huber loss, and the
+/// errors of the motions, over the frames that are not fixed and the landmarks, by
+/// Levenberg-Marquardt; landmarks are eliminated first (Schur complement). The covariances of the
+/// landmarks are not changed: they scale the parameters. A landmark that is behind a camera that
+/// observes it, or whose residuals there are not finite, is culled and left out. Returns false, and
 /// changes nothing else, if there is nothing to solve or no solution.
 bool adjustBundle(const StereoCamera& camera, const MotionParameters& parameters,
                   int max_iterations, BundleProblem* problem);

@@ -4,60 +4,137 @@
 #include <cmath>
 #include <utility>
 
+#include "geometry/se3.h"
 #include "map/new_landmarks.h"
+#include "motion/observations.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr auto kBoth = ResidualImages::kBoth;
 
-// The window keeps to the motions that tracking found, within so many of their standard deviations.
-// They come from the same sights, which must not count twice; but tracking has seen the landmarks
-// in all the frames between, and knows where the few sights of the keyframes alone leave a motion
-// open.
+// Relative-pose factors of the window: the tracked motions between keyframes, with this factor on
+// their standard deviations. They come from the same observations, which must not count twice; but
+// they contain those of all frames between the keyframes, and constrain motions that the few
+// observations of the keyframes leave open.
 constexpr double kTrackedSigmas = 6.0;
 
-// A landmark that should be in view is forgotten when it was missed so many times in a row: sooner
-// if it was hardly ever seen.
+// A landmark in view is culled when it was missed more often in a row than this: kMinMissed + seen
+// / 2, at most kMaxMissed.
 constexpr int kMinMissed = 2;
 constexpr int kMaxMissed = 20;
 
-// How much the last frame counts in the mean share of landmarks found.
+// Weight of the last frame in the exponential mean of the share of landmarks found.
 constexpr double kShareOfLast = 0.2;
 
-// Of the points wanted in a cell, the share that unmatched ones may fill even in slow motion.
+// Share of a bucket that unmatched points may fill even in slow motion.
 constexpr double kLeastShareOfUnmatched = 0.25;
 
-/// The covariance of a translation and rotation in axes turned by a rotation.
-Matrix6d inOtherAxes(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R;
-  return turn * covariance * turn.transpose();
+/// The covariance of a translation and rotation in axes rotated by R.
+Matrix6d rotateCovariance(const Eigen::Matrix3d& R, const Matrix6d& covariance) {
+  Matrix6d blocks = Matrix6d::Zero();
+  blocks.topLeftCorner<3, 3>() = blocks.bottomRightCorner<3, 3>() = R;
+  return blocks * covariance * blocks.transpose();
 }
 
-/// Index of a landmark, or -1 if it is forgotten.
-template <typename Landmark>
-int indexOf(const std::vector<Landmark>& landmarks, std::uint64_t id) {
-  const auto it = std::lower_bound(landmarks.begin(), landmarks.end(), id,
-                                   [](const Landmark& a, std::uint64_t b) { return a.id < b; });
-  return it != landmarks.end() && it->id == id ? static_cast<int>(it - landmarks.begin()) : -1;
+/// The ids of landmarks, which are in ascending order: much faster to search than the landmarks,
+/// each of which fills several lines of the cache.
+class LandmarkIds {
+ public:
+  template <typename Landmark>
+  explicit LandmarkIds(const std::vector<Landmark>& landmarks) {
+    ids_.reserve(landmarks.size());
+    for (const Landmark& landmark : landmarks) ids_.push_back(landmark.id);
+  }
+
+  /// Index of a landmark, or -1 if it was culled.
+  int indexOf(std::uint64_t id) const {
+    const auto it = std::lower_bound(ids_.begin(), ids_.end(), id);
+    return it != ids_.end() && *it == id ? static_cast<int>(it - ids_.begin()) : -1;
+  }
+
+ private:
+  std::vector<std::uint64_t> ids_;
+};
+
+/// Collects the landmarks of one kind, and their observations, for a bundle adjustment.
+template <typename Landmark, typename Listed>
+class BundleList {
+ public:
+  /// \param list empty; it is filled.
+  BundleList(const std::vector<Landmark>& landmarks, std::vector<Listed>* list)
+      : landmarks_(landmarks), ids_(landmarks), index_(landmarks.size(), -1), list_(*list) {}
+
+  /// Adds the landmarks that a keyframe observed.
+  template <typename Entries>
+  void add(const Entries& entries) {
+    for (const auto& entry : entries) {
+      const int i = ids_.indexOf(entry.landmark);
+      if (i < 0 || index_[i] >= 0) continue;
+      index_[i] = static_cast<int>(list_.size());
+      list_.emplace_back();
+      list_.back().id = landmarks_[i].id;
+      list_.back().estimate = landmarks_[i].estimate;
+    }
+  }
+
+  /// Adds the observations of a frame of the problem to the landmarks that were added.
+  template <typename Entries>
+  void observe(const Entries& entries, int frame) {
+    for (const auto& entry : entries) {
+      const int i = ids_.indexOf(entry.landmark);
+      if (i >= 0 && index_[i] >= 0)
+        list_[index_[i]].observations.push_back({frame, entry.observation});
+    }
+  }
+
+  /// Removes the landmarks that one frame alone observed.
+  void dropSingle() {
+    const auto single = [](const Listed& landmark) { return landmark.observations.size() < 2; };
+    list_.erase(std::remove_if(list_.begin(), list_.end(), single), list_.end());
+  }
+
+ private:
+  const std::vector<Landmark>& landmarks_;
+  LandmarkIds ids_;
+  std::vector<int> index_;  // of a landmark in the list, or -1
+  std::vector<Listed>& list_;
+};
+
+/// Derivative of a landmark's coordinates by the pose from which it is seen: the shift, along and
+/// about the camera's axes, that has the same effect on its pixels.
+template <int kSize, int kDof>
+Eigen::Matrix<double, kSize, 6> landmarkByPose(const GaussianEstimate<kSize, kDof>& estimate,
+                                               const Eigen::Isometry3d& T_camera_map) {
+  const Eigen::Matrix3d R_map_camera = T_camera_map.linear().transpose();
+  Eigen::Matrix<double, kSize, 6> J;
+  for (int i = 0; i < kSize; i += 3) {
+    const Eigen::Vector3d p_camera = T_camera_map * estimate.value.template segment<3>(i).eval();
+    J.template block<3, 3>(i, 0) = -R_map_camera;
+    J.template block<3, 3>(i, 3) = R_map_camera * skew(p_camera);
+  }
+  return J;
 }
 
-/// The place becomes better known by a sight from a pose. Returns false if it is wrong: behind the
-/// camera that sees it, where the update is far from linear, as for an end of a line that is hardly
-/// known along its ray.
-template <typename Residual, typename Place, typename Sight>
-bool improve(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map, const Sight& sight,
-             Place* place) {
-  const Residual residual(correspondence(*place, sight), camera, T_camera_map);
+/// EKF update of a landmark by an observation from a pose. Returns false if the landmark is or gets
+/// behind the camera, where the linearisation is invalid, as for an end point of a line with a
+/// large variance along its ray.
+template <typename Residual, typename Estimate, typename Observation>
+bool ekfUpdate(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map,
+               const Matrix6d& pose_covariance, const Observation& observation,
+               Estimate* estimate) {
+  const Residual residual(correspondence(*estimate, observation), camera, T_camera_map);
   if (!residual.valid) return false;
   using Noise = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
-  place->template update<Residual::kRows>(residual.value, residual.byLandmark(),
-                                          sight.sigma_px * sight.sigma_px * Noise::Identity());
-  return Residual(correspondence(*place, sight), camera, T_camera_map).valid;
+  const auto J = residual.jacobianByLandmark();
+  const auto J_pose = (J * landmarkByPose(*estimate, T_camera_map)).eval();
+  const Noise noise = observation.sigma_px * observation.sigma_px * Noise::Identity() +
+                      J_pose * pose_covariance * J_pose.transpose();
+  estimate->template update<Residual::kRows>(residual.value, J, noise);
+  return Residual(correspondence(*estimate, observation), camera, T_camera_map).valid;
 }
 
-/// Removes landmarks whose place is wrong.
+/// Removes landmarks whose position is invalid.
 template <typename Landmark>
 void cull(const std::vector<std::uint64_t>& ids, std::vector<Landmark>* landmarks) {
   const auto culled = [&](const Landmark& landmark) {
@@ -66,44 +143,48 @@ void cull(const std::vector<std::uint64_t>& ids, std::vector<Landmark>* landmark
   landmarks->erase(std::remove_if(landmarks->begin(), landmarks->end(), culled), landmarks->end());
 }
 
-/// Counts how a landmark was looked for.
+/// Counts landmarks in view as missed; updateLandmarks() resets the count of those observed.
 template <typename Landmark>
 void countMisses(const std::vector<bool>& in_view, std::vector<Landmark>* landmarks) {
   for (std::size_t i = 0; i < landmarks->size(); ++i)
-    (*landmarks)[i].sightings.missed += in_view[i] ? 1 : 0;
+    (*landmarks)[i].statistics.missed += in_view[i] ? 1 : 0;
 }
 
-/// What a window has done to its keyframes: their ids, and p_map after it <- p_map before.
+/// Corrections of keyframes by a bundle adjustment: their ids, and the transform T with p_map = T *
+/// p_map_before.
 using WindowMoves = std::vector<std::pair<std::uint64_t, Eigen::Isometry3d>>;
 
-void moveBy(const Eigen::Isometry3d& move, PointBelief* place) {
-  place->value = move * place->value;
+void moveBy(const Eigen::Isometry3d& move, PointEstimate* estimate) {
+  estimate->value = move * estimate->value;
 }
 
-void moveBy(const Eigen::Isometry3d& move, LineBelief* place) {
-  const Eigen::Vector3d start = place->value.head<3>();
-  const Eigen::Vector3d end = place->value.tail<3>();
-  place->value << move * start, move * end;
+void moveBy(const Eigen::Isometry3d& move, LineEstimate* estimate) {
+  const Eigen::Vector3d start = estimate->value.head<3>();
+  const Eigen::Vector3d end = estimate->value.tail<3>();
+  estimate->value << move * start, move * end;
 }
 
-/// Landmarks go with the last keyframe that saw them: seen from there, they stay where they are,
-/// and a window does not look like a motion. The solution counts for the sights that it knows: the
-/// frames between keyframes have made the place better known, too.
+/// Landmarks are corrected with the last keyframe that observed them, so that a bundle adjustment
+/// does not appear as a motion. The adjusted positions are weighted by the share of the landmark's
+/// observations that were adjusted: those of the frames between keyframes are in the current
+/// estimate only.
 template <typename Solved, typename Landmark>
-void adoptPlaces(const WindowMoves& moves, const std::vector<Solved>& solved,
-                 std::vector<Landmark>* landmarks) {
+void applyPositions(const WindowMoves& moves, const std::vector<Solved>& solved,
+                    std::vector<Landmark>* landmarks) {
   for (Landmark& landmark : *landmarks) {
     for (const auto& [id, move] : moves) {
-      if (id == landmark.sightings.last_keyframe) moveBy(move, &landmark.place);
+      if (id == landmark.statistics.last_keyframe) moveBy(move, &landmark.estimate);
     }
   }
-  for (const Solved& solution : solved) {
-    const int i = indexOf(*landmarks, solution.id);
+  const LandmarkIds ids(*landmarks);
+  for (const Solved& adjusted : solved) {
+    const int i = ids.indexOf(adjusted.id);
     if (i < 0) continue;
     Landmark& landmark = (*landmarks)[i];
-    const double known = static_cast<double>(solution.sights.size()) / landmark.sightings.seen;
-    landmark.place.value +=
-        std::min(known, 1.0) * (solution.place.value - landmark.place.value).eval();
+    const double share =
+        static_cast<double>(adjusted.observations.size()) / landmark.statistics.seen;
+    landmark.estimate.value +=
+        std::min(share, 1.0) * (adjusted.estimate.value - landmark.estimate.value).eval();
   }
 }
 
@@ -114,177 +195,200 @@ int countInliers(const std::vector<bool>& inliers, std::size_t num_matches) {
   return static_cast<int>(std::count(inliers.begin(), end, true));
 }
 
-double shareFound(const MapSights& sights, const MotionEstimate& motion) {
+double shareFound(const LandmarkMatches& landmark_matches, const MotionEstimate& motion) {
   const auto in_view = [](const std::vector<bool>& landmarks) {
     return std::count(landmarks.begin(), landmarks.end(), true);
   };
-  const auto all = in_view(sights.point_in_view) + in_view(sights.line_in_view);
-  const int found = countInliers(motion.point_inliers, sights.points.size()) +
-                    countInliers(motion.line_inliers, sights.lines.size());
+  const auto all = in_view(landmark_matches.point_in_view) + in_view(landmark_matches.line_in_view);
+  const int found = countInliers(motion.point_inliers, landmark_matches.points.size()) +
+                    countInliers(motion.line_inliers, landmark_matches.lines.size());
   return static_cast<double>(found) / std::max(static_cast<double>(all), 1.0);
 }
 
-MapSights LocalMap::find(const StereoFrame& frame, const FrameContext& context,
-                         const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const {
-  MapSights sights;
+LandmarkMatches LocalMap::find(const StereoFrame& frame, const FrameContext& context,
+                               const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const {
+  LandmarkMatches landmark_matches;
   const Eigen::Isometry3d T_camera_map = T_map_camera.inverse();
-  findPoints(points_, T_camera_map, frame, context, threads, &sights);
-  findLines(lines_, T_camera_map, frame, context, &sights);
-  return sights;
+  findPoints(points_, T_camera_map, frame, context, threads, &landmark_matches);
+  findLines(lines_, T_camera_map, frame, context, threads, &landmark_matches);
+  return landmark_matches;
 }
 
-Correspondences LocalMap::correspondences(const MapSights& sights) const {
-  const Eigen::Isometry3d T_reference_map = T_map_reference_.inverse();
-  const Eigen::Matrix3d& R = T_reference_map.linear();
+Correspondences LocalMap::correspondences(const LandmarkMatches& landmark_matches) const {
+  const Eigen::Isometry3d T_previous_map = T_map_previous_.inverse();
+  const Eigen::Matrix3d& R = T_previous_map.linear();
   Correspondences correspondences;
-  correspondences.points.reserve(sights.points.size());
-  for (const MapSights::Point& point : sights.points) {
-    const PointBelief& place = points_[point.landmark].place;
-    PointCorrespondence match = correspondence(place, point.sight);
-    match.p_prev = T_reference_map * match.p_prev;
-    const PointBelief::Spread spread = R * place.spread;
-    match.covariance = spread * spread.transpose();
+  correspondences.points.reserve(landmark_matches.points.size());
+  for (const LandmarkMatches::Point& point : landmark_matches.points) {
+    const PointEstimate& estimate = points_[point.landmark].estimate;
+    PointCorrespondence match = correspondence(estimate, point.observation);
+    match.p_prev = T_previous_map * match.p_prev;
+    const PointEstimate::SqrtCovariance sqrt_covariance = R * estimate.sqrt_covariance;
+    match.covariance = sqrt_covariance * sqrt_covariance.transpose();
     correspondences.points.push_back(match);
   }
-  correspondences.lines.reserve(sights.lines.size());
-  for (const MapSights::Line& line : sights.lines) {
-    const LineBelief& place = lines_[line.landmark].place;
-    LineCorrespondence match = correspondence(place, line.sight);
-    match.start_prev = T_reference_map * match.start_prev;
-    match.end_prev = T_reference_map * match.end_prev;
-    LineBelief::Spread spread;
-    spread << R * place.spread.topRows<3>(), R * place.spread.bottomRows<3>();
-    match.covariance = spread * spread.transpose();
+  correspondences.lines.reserve(landmark_matches.lines.size());
+  for (const LandmarkMatches::Line& line : landmark_matches.lines) {
+    const LineEstimate& estimate = lines_[line.landmark].estimate;
+    LineCorrespondence match = correspondence(estimate, line.observation);
+    match.start_prev = T_previous_map * match.start_prev;
+    match.end_prev = T_previous_map * match.end_prev;
+    LineEstimate::SqrtCovariance sqrt_covariance;
+    sqrt_covariance << R * estimate.sqrt_covariance.topRows<3>(),
+        R * estimate.sqrt_covariance.bottomRows<3>();
+    match.covariance = sqrt_covariance * sqrt_covariance.transpose();
     correspondences.lines.push_back(match);
   }
   return correspondences;
 }
 
-void LocalMap::add(const StereoFrame& frame, const FrameContext& context, const MapSights& sights,
-                   const MotionEstimate& motion, const LandmarkCandidates& candidates) {
-  moveReference(motion.T_curr_prev.inverse());
-  reference_.covariance = inOtherAxes(motion.T_curr_prev.linear(), motion.covariance);
-  const double share_found = point_line_odometry::shareFound(sights, motion);
+void LocalMap::add(const StereoFrame& frame, const FrameContext& context,
+                   const LandmarkMatches& landmark_matches, const MotionEstimate& motion,
+                   const LandmarkCandidates& candidates, ThreadPool* threads) {
+  movePrevious(motion.T_curr_prev.inverse());
+  previous_.covariance = rotateCovariance(motion.T_curr_prev.linear(), motion.covariance);
+  const double share_found = point_line_odometry::shareFound(landmark_matches, motion);
   share_found_ += (share_found_ > 0.0 ? kShareOfLast : 1.0) * (share_found - share_found_);
-  countMisses(sights.point_in_view, &points_);
-  countMisses(sights.line_in_view, &lines_);
-  learn(context.camera, sights, motion);
-  const double num_old = static_cast<double>(reference_.size());
-  const bool keyframe = needsKeyframe();
-  addPoints(frame, context, candidates);
-  addLines(frame, context, candidates.lines, sights);
-  share_of_new_ = 1.0 - num_old / std::max<double>(static_cast<double>(reference_.size()), 1.0);
-  if (keyframe && reference_.size() > 0) addKeyframe();
-  forget();
+  countMisses(landmark_matches.point_in_view, &points_);
+  countMisses(landmark_matches.line_in_view, &lines_);
+  updateLandmarks(context.camera, landmark_matches, motion, threads);
+  const double num_old = static_cast<double>(previous_.size());
+  const bool keyframe = needsKeyframe(context.parameters.window);
+  addPoints(frame, context, candidates, threads);
+  addLines(frame, context, candidates.lines, landmark_matches);
+  share_of_new_ = 1.0 - num_old / std::max<double>(static_cast<double>(previous_.size()), 1.0);
+  if (keyframe && previous_.size() > 0) addKeyframe(context.parameters);
+  cullLandmarks();
 }
 
-void LocalMap::moveReference(const Eigen::Isometry3d& T_reference_camera) {
-  T_map_reference_ = T_map_reference_ * T_reference_camera;
-  T_map_reference_.linear() =
-      Eigen::Quaterniond(T_map_reference_.linear()).normalized().toRotationMatrix();
-  reference_ = Observations();
-  reference_.T_map_camera = T_map_reference_;
+void LocalMap::movePrevious(const Eigen::Isometry3d& T_previous_camera) {
+  T_map_previous_ = T_map_previous_ * T_previous_camera;
+  T_map_previous_.linear() =
+      Eigen::Quaterniond(T_map_previous_.linear()).normalized().toRotationMatrix();
+  previous_ = Observations();
+  previous_.T_map_camera = T_map_previous_;
 }
 
-void LocalMap::learn(const StereoCamera& camera, const MapSights& sights,
-                     const MotionEstimate& motion) {
-  const Eigen::Isometry3d T_camera_map = T_map_reference_.inverse();
+void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches& landmark_matches,
+                               const MotionEstimate& motion, ThreadPool* threads) {
+  const Eigen::Isometry3d T_camera_map = T_map_previous_.inverse();
   std::vector<std::uint64_t> wrong;
-  const auto see = [&](const auto& sight, bool improved, auto* landmark, auto* entries) {
-    ++landmark->sightings.seen;
-    landmark->sightings.missed = 0;
-    if (improved) {
-      entries->push_back({landmark->id, sight});
-    } else {
-      wrong.push_back(landmark->id);
+  const auto update = [&](const auto& matches, const std::vector<bool>& inliers, auto update_one,
+                          auto* landmarks, auto* entries) {
+    std::vector<std::uint8_t> valid(matches.size());  // not bool: those of a byte share it
+    runParts(threads, matches.size(), [&](int, std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (inliers[i])
+          valid[i] = update_one(matches[i], &(*landmarks)[matches[i].landmark].estimate);
+      }
+    });
+    for (std::size_t i = 0; i < matches.size(); ++i) {
+      if (!inliers[i]) continue;
+      auto& landmark = (*landmarks)[matches[i].landmark];
+      ++landmark.statistics.seen;
+      landmark.statistics.missed = 0;
+      if (valid[i] != 0) {
+        entries->push_back({landmark.id, matches[i].observation});
+      } else {
+        wrong.push_back(landmark.id);
+      }
     }
   };
-  for (std::size_t i = 0; i < sights.points.size(); ++i) {
-    if (!motion.point_inliers[i]) continue;
-    const PointSight& sight = sights.points[i].sight;
-    MapPoint& point = points_[sights.points[i].landmark];
-    see(sight, improve<PointResidual<kBoth>>(camera, T_camera_map, sight, &point.place), &point,
-        &reference_.points);
-  }
-  for (std::size_t i = 0; i < sights.lines.size(); ++i) {
-    if (!motion.line_inliers[i]) continue;
-    const LineSight& sight = sights.lines[i].sight;
-    MapLine& line = lines_[sights.lines[i].landmark];
-    see(sight, improve<LineResidual<kBoth>>(camera, T_camera_map, sight, &line.place), &line,
-        &reference_.lines);
-  }
+  const Matrix6d& covariance = previous_.covariance;
+  update(
+      landmark_matches.points, motion.point_inliers,
+      [&](const LandmarkMatches::Point& match, PointEstimate* estimate) {
+        return ekfUpdate<PointResidual<kBoth>>(camera, T_camera_map, covariance, match.observation,
+                                               estimate);
+      },
+      &points_, &previous_.points);
+  update(
+      landmark_matches.lines, motion.line_inliers,
+      [&](const LandmarkMatches::Line& match, LineEstimate* estimate) {
+        return ekfUpdate<LineResidual<kBoth>>(camera, T_camera_map, covariance, match.observation,
+                                              estimate);
+      },
+      &lines_, &previous_.lines);
   cull(wrong, &points_);
   cull(wrong, &lines_);
 }
 
-void LocalMap::forget() {
+void LocalMap::cullLandmarks() {
   const std::uint64_t oldest = keyframes_.empty() ? 0 : keyframes_.front().id;
-  const auto forgotten = [&](const auto& landmark) {
-    const Sightings& sightings = landmark.sightings;
-    return sightings.missed > std::min(kMinMissed + sightings.seen / 2, kMaxMissed) ||
-           sightings.last_keyframe < oldest;
+  const auto lost = [&](const auto& landmark) {
+    const TrackStatistics& statistics = landmark.statistics;
+    return statistics.missed > std::min(kMinMissed + statistics.seen / 2, kMaxMissed) ||
+           statistics.last_keyframe < oldest;
   };
-  points_.erase(std::remove_if(points_.begin(), points_.end(), forgotten), points_.end());
-  lines_.erase(std::remove_if(lines_.begin(), lines_.end(), forgotten), lines_.end());
+  points_.erase(std::remove_if(points_.begin(), points_.end(), lost), points_.end());
+  lines_.erase(std::remove_if(lines_.begin(), lines_.end(), lost), lines_.end());
 }
 
-/// Where cells want more: inliers first, and of either kind the strongest first. The more of what
-/// is seen is new, the fewer points look as they did a frame ago, and the more unmatched ones
-/// count.
+/// Fills buckets with room: inliers first, then unmatched points, each the strongest first. The
+/// larger the share of new landmarks, the more the view changes between frames, the fewer points
+/// are matched, and the more unmatched ones are added.
 void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
-                         const LandmarkCandidates& candidates) {
-  PointQuota quota(context.camera, context.parameters.points.cell_size_px);
-  for (const Entry<PointSight>& seen : reference_.points)
-    quota.occupy(seen.sight.left_px.cast<float>());
-  const auto feature = [&](int i) -> const PointFeature& {
+                         const LandmarkCandidates& candidates, ThreadPool* threads) {
+  PointBuckets buckets(context.camera, context.parameters.points.cell_size_px);
+  for (const Entry<PointObservation>& seen : previous_.points)
+    buckets.occupy(seen.observation.left_px.cast<float>());
+  const auto feature = [&](int i) -> const Keypoint& {
     return frame.features.points_left[frame.points[i].left];
   };
-  const auto add = [&](std::vector<int> strongest_first, int wanted) {
+  std::vector<int> chosen;
+  const auto choose = [&](std::vector<int> strongest_first, int wanted) {
     std::stable_sort(strongest_first.begin(), strongest_first.end(),
                      [&](int a, int b) { return feature(a).response > feature(b).response; });
     for (const int i : strongest_first) {
       const Eigen::Vector2f& pixel = feature(i).pixel;
-      if (patchFits(pixel, context.camera) && quota.take(pixel, wanted))
-        addPoint(frame, context, frame.points[i]);
+      if (patchFits(pixel, context.camera) && buckets.take(pixel, wanted)) chosen.push_back(i);
     }
   };
-  add(candidates.points, window_.points_per_cell);
+  const int per_cell = context.parameters.window.points_per_cell;
+  choose(candidates.points, per_cell);
   const double share = std::max(kLeastShareOfUnmatched, share_of_new_);
-  add(candidates.unmatched_points, static_cast<int>(std::lround(share * window_.points_per_cell)));
+  choose(candidates.unmatched_points, static_cast<int>(std::lround(share * per_cell)));
+  std::vector<MapPoint> points(chosen.size());
+  runParts(threads, chosen.size(), [&](int, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      points[i] = makePoint(frame, frame.points[chosen[i]], T_map_previous_);
+  });
+  for (std::size_t i = 0; i < chosen.size(); ++i)
+    addPoint(frame, context, frame.points[chosen[i]], points[i]);
 }
 
 void LocalMap::addPoint(const StereoFrame& frame, const FrameContext& context,
-                        const StereoPoint& stereo) {
-  MapPoint point = makePoint(frame, stereo, T_map_reference_);
-  if (!point.place.value.allFinite() || !point.place.spread.allFinite()) return;
+                        const StereoPoint& stereo, MapPoint point) {
+  if (!point.estimate.value.allFinite() || !point.estimate.sqrt_covariance.allFinite()) return;
   point.id = next_landmark_++;
-  point.sightings.last_keyframe = next_keyframe_;
-  PointSight sight;
-  sight.left_px = frame.features.points_left[stereo.left].pixel.cast<double>();
-  sight.right_px = context.correction.apply(stereo.right_px.cast<double>());
-  sight.sigma_px = stereo.sigma_px;
-  reference_.points.push_back({point.id, sight});
+  point.statistics.last_keyframe = next_keyframe_;
+  PointObservation observation;
+  observation.left_px = frame.features.points_left[stereo.left].pixel.cast<double>();
+  observation.right_px = context.correction.apply(stereo.right_px.cast<double>());
+  observation.sigma_px = stereo.sigma_px;
+  previous_.points.push_back({point.id, observation});
   points_.push_back(point);
 }
 
-/// All that are not in the map.
+/// Adds all candidates that are not in the map.
 void LocalMap::addLines(const StereoFrame& frame, const FrameContext& context,
-                        const std::vector<int>& candidates, const MapSights& sights) {
+                        const std::vector<int>& candidates,
+                        const LandmarkMatches& landmark_matches) {
   std::vector<bool> known(frame.lines.size(), false);
-  for (const MapSights::Line& line : sights.lines) known[line.stereo_line] = true;
+  for (const LandmarkMatches::Line& line : landmark_matches.lines) known[line.stereo_line] = true;
   for (const int i : candidates) {
     const StereoLine& stereo = frame.lines[i];
     if (known[i] || !stereo.triangulated) continue;
-    MapLine line = makeLine(frame, stereo, T_map_reference_);
-    if (!line.place.value.allFinite() || !line.place.spread.allFinite()) continue;
+    MapLine line = makeLine(frame, stereo, T_map_previous_);
+    if (!line.estimate.value.allFinite() || !line.estimate.sqrt_covariance.allFinite()) continue;
     line.id = next_landmark_++;
-    line.sightings.last_keyframe = next_keyframe_;
-    reference_.lines.push_back({line.id, lineSight(frame.features, stereo, context)});
+    line.statistics.last_keyframe = next_keyframe_;
+    previous_.lines.push_back({line.id, lineObservation(frame.features, stereo, context)});
     lines_.push_back(line);
   }
 }
 
-bool LocalMap::needsKeyframe() const {
+bool LocalMap::needsKeyframe(const WindowParameters& window) const {
   if (keyframes_.empty()) return true;
   const Observations& keyframe = keyframes_.back();
   std::vector<std::uint64_t> then;
@@ -294,97 +398,77 @@ bool LocalMap::needsKeyframe() const {
   const auto seen_then = [&](const auto& entry) {
     return std::binary_search(then.begin(), then.end(), entry.landmark);
   };
-  const auto common = std::count_if(reference_.points.begin(), reference_.points.end(), seen_then) +
-                      std::count_if(reference_.lines.begin(), reference_.lines.end(), seen_then);
-  return static_cast<double>(common) < window_.keyframe_overlap * static_cast<double>(then.size());
+  const auto common = std::count_if(previous_.points.begin(), previous_.points.end(), seen_then) +
+                      std::count_if(previous_.lines.begin(), previous_.lines.end(), seen_then);
+  return static_cast<double>(common) < window.keyframe_overlap * static_cast<double>(then.size());
 }
 
-void LocalMap::addKeyframe() {
-  reference_.id = next_keyframe_++;
+void LocalMap::addKeyframe(const Parameters& parameters) {
+  previous_.id = next_keyframe_++;
   const auto mark = [&](const auto& entries, auto* landmarks) {
+    const LandmarkIds ids(*landmarks);
     for (const auto& entry : entries) {
-      const int i = indexOf(*landmarks, entry.landmark);
-      if (i >= 0) (*landmarks)[i].sightings.last_keyframe = reference_.id;
+      const int i = ids.indexOf(entry.landmark);
+      if (i >= 0) (*landmarks)[i].statistics.last_keyframe = previous_.id;
     }
   };
-  mark(reference_.points, &points_);
-  mark(reference_.lines, &lines_);
+  mark(previous_.points, &points_);
+  mark(previous_.lines, &lines_);
   if (!keyframes_.empty()) {
-    reference_.T_previous_this = keyframes_.back().T_map_camera.inverse() * T_map_reference_;
+    previous_.T_last_keyframe_this = keyframes_.back().T_map_camera.inverse() * T_map_previous_;
   }
-  keyframes_.push_back(reference_);
-  const auto most = static_cast<std::size_t>(window_.size + local_map_.size);
+  keyframes_.push_back(previous_);
+  const auto most = static_cast<std::size_t>(parameters.window.size + parameters.local_map.size);
   while (keyframes_.size() > most) keyframes_.pop_front();
   keyframe_is_new_ = true;
 }
 
-std::optional<BundleProblem> LocalMap::takeProblem() {
+std::optional<BundleProblem> LocalMap::takeProblem(const WindowParameters& window) {
   if (!keyframe_is_new_) return std::nullopt;
   keyframe_is_new_ = false;
-  // The window's keyframes are free, as many before them hold it.
-  const std::size_t free = std::min(keyframes_.size() - 1, static_cast<std::size_t>(window_.size));
-  const std::size_t held = std::min(keyframes_.size() - free, free);
-  if (free < 2) return std::nullopt;
-  const std::size_t first = keyframes_.size() - free - held;
+  // The window's keyframes are estimated, as many before them are fixed.
+  const std::size_t num_free =
+      std::min(keyframes_.size() - 1, static_cast<std::size_t>(window.size));
+  const std::size_t num_fixed = std::min(keyframes_.size() - num_free, num_free);
+  if (num_free < 2) return std::nullopt;
+  const std::size_t first = keyframes_.size() - num_free - num_fixed;
 
   BundleProblem problem;
-  std::vector<int> point_place(points_.size(), -1);  // in the problem's list
-  std::vector<int> line_place(lines_.size(), -1);
-  const auto enlist = [](const auto& entries, const auto& landmarks, auto* places, auto* list) {
-    for (const auto& entry : entries) {
-      const int i = indexOf(landmarks, entry.landmark);
-      if (i < 0 || (*places)[i] >= 0) continue;
-      (*places)[i] = static_cast<int>(list->size());
-      list->emplace_back();
-      list->back().id = landmarks[i].id;
-      list->back().place = landmarks[i].place;
-    }
-  };
+  BundleList points(points_, &problem.points);
+  BundleList lines(lines_, &problem.lines);
   for (std::size_t k = first; k < keyframes_.size(); ++k) {
-    const bool fixed = k < first + held;
+    const bool fixed = k < first + num_fixed;
     problem.frames.push_back({keyframes_[k].id, keyframes_[k].T_map_camera, fixed});
     if (fixed) continue;
-    enlist(keyframes_[k].points, points_, &point_place, &problem.points);
-    enlist(keyframes_[k].lines, lines_, &line_place, &problem.lines);
+    points.add(keyframes_[k].points);
+    lines.add(keyframes_[k].lines);
   }
-  const auto observe = [](const auto& entries, const auto& landmarks, const auto& places, int frame,
-                          auto* list) {
-    for (const auto& entry : entries) {
-      const int i = indexOf(landmarks, entry.landmark);
-      if (i >= 0 && places[i] >= 0) (*list)[places[i]].sights.push_back({frame, entry.sight});
-    }
-  };
   for (std::size_t k = first; k < keyframes_.size(); ++k) {
-    const int frame = static_cast<int>(k - first);
-    observe(keyframes_[k].points, points_, point_place, frame, &problem.points);
-    observe(keyframes_[k].lines, lines_, line_place, frame, &problem.lines);
+    points.observe(keyframes_[k].points, static_cast<int>(k - first));
+    lines.observe(keyframes_[k].lines, static_cast<int>(k - first));
   }
-  for (std::size_t k = first + held; k < keyframes_.size(); ++k) {
+  for (std::size_t k = first + num_fixed; k < keyframes_.size(); ++k) {
     const int to = static_cast<int>(k - first);
     const Observations& keyframe = keyframes_[k];
     const Matrix6d covariance =
-        keyframe.covariance +
-        inOtherAxes(keyframe.T_previous_this.linear().transpose(), keyframes_[k - 1].covariance);
+        keyframe.covariance + rotateCovariance(keyframe.T_last_keyframe_this.linear().transpose(),
+                                               keyframes_[k - 1].covariance);
     problem.motions.push_back(
-        {to - 1, to, keyframe.T_previous_this, kTrackedSigmas * kTrackedSigmas * covariance});
+        {to - 1, to, keyframe.T_last_keyframe_this, kTrackedSigmas * kTrackedSigmas * covariance});
   }
-  const auto drop_single = [](auto* list) {
-    const auto single = [](const auto& landmark) { return landmark.sights.size() < 2; };
-    list->erase(std::remove_if(list->begin(), list->end(), single), list->end());
-  };
-  drop_single(&problem.points);
-  drop_single(&problem.lines);
+  points.dropSingle();
+  lines.dropSingle();
   if (!problem.hasLandmarks()) return std::nullopt;
   return problem;
 }
 
-void LocalMap::adopt(const BundleProblem& solved) {
+void LocalMap::applyResult(const BundleProblem& solved) {
   WindowMoves moves;
   for (const BundleProblem::Frame& frame : solved.frames) {
     for (Observations& keyframe : keyframes_) {
       if (keyframe.id != frame.id) continue;
       const Eigen::Isometry3d move = frame.T_map_camera * keyframe.T_map_camera.inverse();
-      if (&frame == &solved.frames.back()) T_map_reference_ = move * T_map_reference_;
+      if (&frame == &solved.frames.back()) T_map_previous_ = move * T_map_previous_;
       moves.emplace_back(frame.id, move);
       keyframe.T_map_camera = frame.T_map_camera;
     }
@@ -398,8 +482,8 @@ void LocalMap::adopt(const BundleProblem& solved) {
   };
   cull_wrong(solved.points, &points_);
   cull_wrong(solved.lines, &lines_);
-  adoptPlaces(moves, solved.points, &points_);
-  adoptPlaces(moves, solved.lines, &lines_);
+  applyPositions(moves, solved.points, &points_);
+  applyPositions(moves, solved.lines, &lines_);
 }
 
 }  // namespace point_line_odometry

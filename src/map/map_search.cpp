@@ -1,25 +1,35 @@
 #include "map/map_search.h"
 
+#include <algorithm>
 #include <optional>
 
+#include "matching/expected_features.h"
+#include "matching/index_pair.h"
+#include "matching/line_matcher.h"
 #include "matching/patch_warp.h"
+#include "matching/point_matcher.h"
+#include "motion/observations.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
 
-/// A point of the map as the camera should see it.
+/// A point of the map projected into the images.
 struct View {
+  std::size_t index;  // of the point
   Eigen::Vector2f left_px;
   Eigen::Vector2f right_px;
-  StereoWarp warp;    // pixels of the patch per pixel of the images
-  bool look = false;  // the places are near enough for the patch to be aligned
+  StereoWarp warp;
+  bool align = false;  // the pixels are accurate enough for the patch's alignment
 };
 
-std::optional<View> viewOf(const MapPoint& point, const StereoCamera& camera,
-                           const Eigen::Isometry3d& T_camera_map) {
-  const Eigen::Vector3d p = T_camera_map * point.place.value;
+/// Nothing if an image does not show the point, or it is masked there.
+std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t index,
+                           const FrameContext& context, const Eigen::Isometry3d& T_camera_map) {
+  const MapPoint& point = points[index];
+  const StereoCamera& camera = context.camera;
+  const Eigen::Vector3d p = T_camera_map * point.estimate.value;
   if (!(p.z() > camera.baseline_m)) return std::nullopt;
   const Eigen::Vector2d left = camera.projectLeft(p);
   const Eigen::Vector2d right = camera.projectRight(p);
@@ -29,9 +39,28 @@ std::optional<View> viewOf(const MapPoint& point, const StereoCamera& camera,
            pixel.y() < camera.height - kMargin;
   };
   if (!inside(left) || !inside(right)) return std::nullopt;
+  const int octave = std::min(point.octave, static_cast<int>(context.left.levels.size()) - 1);
+  if (!context.masks.left.allowsPatch(context.left.toLevel(left.cast<float>(), octave), octave) ||
+      !context.masks.right.allowsPatch(context.right.toLevel(right.cast<float>(), octave), octave))
+    return std::nullopt;
   const auto warp = stereoPatchWarp(camera, p, T_camera_map.linear() * point.patch_axes);
   if (!warp) return std::nullopt;
-  return View{left.cast<float>(), right.cast<float>(), *warp, false};
+  return View{index, left.cast<float>(), right.cast<float>(), *warp, point.statistics.missed == 0};
+}
+
+/// The points in view, in the order of the map.
+std::vector<View> viewsOf(const std::vector<MapPoint>& points, const FrameContext& context,
+                          const Eigen::Isometry3d& T_camera_map, ThreadPool* threads) {
+  std::vector<std::vector<View>> parts(static_cast<std::size_t>(threads->numParts()));
+  threads->runParts(points.size(), [&](int part, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::optional<View> view = viewOf(points, i, context, T_camera_map);
+      if (view) parts[static_cast<std::size_t>(part)].push_back(*view);
+    }
+  });
+  std::vector<View> views;
+  for (const std::vector<View>& part : parts) views.insert(views.end(), part.begin(), part.end());
+  return views;
 }
 
 StereoPatch patchOf(const MapPoint& point, const StereoWarp& warp) {
@@ -44,53 +73,55 @@ StereoPatch patchOf(const MapPoint& point, const StereoWarp& warp) {
 
 void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
                 const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
-                MapSights* sights) {
-  std::vector<std::optional<View>> views(points.size());
+                LandmarkMatches* landmark_matches) {
+  std::vector<View> views = viewsOf(points, context, T_camera_map, threads);
   std::vector<ExpectedPoint> expected;
-  std::vector<std::size_t> expected_index;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    views[i] = viewOf(points[i], context.camera, T_camera_map);
-    if (!views[i]) continue;
-    views[i]->look = points[i].sightings.missed == 0;
-    if (views[i]->look) continue;
-    expected_index.push_back(i);
-    expected.push_back({views[i]->left_px, views[i]->right_px, points[i].left, points[i].right});
+  std::vector<View*> expected_views;
+  for (View& view : views) {
+    if (view.align) continue;
+    const MapPoint& point = points[view.index];
+    expected_views.push_back(&view);
+    expected.push_back({view.left_px, view.right_px, point.left, point.right});
   }
   for (const IndexPair& pair :
        matchExpectedPoints(expected, frame, context.parameters.local_map.search_radius_px,
-                           context.parameters.matching)) {
+                           context.parameters.matching, threads)) {
     const StereoPoint& seen = frame.points[static_cast<std::size_t>(pair.second)];
-    View& view = *views[expected_index[static_cast<std::size_t>(pair.first)]];
-    view.left_px = frame.features.points_left[seen.left].pixel;
-    view.right_px = frame.features.points_right[seen.right].pixel;
-    view.look = true;
+    View* view = expected_views[static_cast<std::size_t>(pair.first)];
+    view->left_px = frame.features.points_left[seen.left].pixel;
+    view->right_px = frame.features.points_right[seen.right].pixel;
+    view->align = true;
   }
 
-  std::vector<std::optional<PointSight>> found(points.size());
-  threads->runParts(points.size(), [&](int, std::size_t begin, std::size_t end) {
+  std::vector<std::optional<PointObservation>> found(views.size());
+  threads->runParts(views.size(), [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      if (!views[i] || !views[i]->look) continue;
-      found[i] = alignPoint(patchOf(points[i], views[i]->warp), points[i].octave, views[i]->left_px,
-                            views[i]->right_px, context);
+      const View& view = views[i];
+      if (!view.align) continue;
+      const MapPoint& point = points[view.index];
+      found[i] =
+          alignPoint(patchOf(point, view.warp), point.octave, view.left_px, view.right_px, context);
     }
   });
-  sights->point_in_view.resize(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    sights->point_in_view[i] = views[i].has_value();
-    if (found[i]) sights->points.push_back({static_cast<int>(i), *found[i]});
+  landmark_matches->point_in_view.assign(points.size(), false);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    landmark_matches->point_in_view[views[i].index] = true;
+    if (found[i]) landmark_matches->points.push_back({static_cast<int>(views[i].index), *found[i]});
   }
 }
 
 void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
-               const StereoFrame& frame, const FrameContext& context, MapSights* sights) {
+               const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
+               LandmarkMatches* landmark_matches) {
   std::vector<ExpectedLine> expected;
   std::vector<int> expected_index;
-  sights->line_in_view.resize(lines.size());
+  landmark_matches->line_in_view.resize(lines.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const LineBelief::Value& ends = lines[i].place.value;
+    const LineEstimate::Value& ends = lines[i].estimate.value;
     std::optional<ExpectedLine> segments = expectLine(context.camera, T_camera_map * ends.head<3>(),
                                                       T_camera_map * ends.tail<3>(), 0.0);
-    sights->line_in_view[i] = segments.has_value();
+    landmark_matches->line_in_view[i] = segments && !context.masks.left.hides(segments->left) &&
+                                        !context.masks.right.hides(segments->right);
     if (!segments) continue;
     segments->left_descriptor = lines[i].left;
     segments->right_descriptor = lines[i].right;
@@ -99,10 +130,11 @@ void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_cam
   }
   for (const IndexPair& pair :
        matchExpectedLines(expected, frame, context.parameters.local_map.search_radius_px,
-                          context.parameters.matching)) {
-    sights->lines.push_back(
+                          context.parameters.matching, threads)) {
+    landmark_matches->lines.push_back(
         {expected_index[static_cast<std::size_t>(pair.first)], pair.second,
-         lineSight(frame.features, frame.lines[static_cast<std::size_t>(pair.second)], context)});
+         lineObservation(frame.features, frame.lines[static_cast<std::size_t>(pair.second)],
+                         context)});
   }
 }
 

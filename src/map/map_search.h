@@ -3,22 +3,24 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "common/thread_pool.h"
 #include "map/landmarks.h"
-#include "motion/sights.h"
-#include "point_line_odometry/thread_pool.h"
+#include "matching/stereo_frame.h"
+#include "motion/correspondence.h"
+#include "motion/frame_context.h"
 
 namespace point_line_odometry {
 
-/// Which landmarks a frame should see, and where it does.
-struct MapSights {
+/// The landmarks in view of a frame, and their observations in it.
+struct LandmarkMatches {
   struct Point {
     int landmark;  ///< index into the map's points
-    PointSight sight;
+    PointObservation observation;
   };
   struct Line {
     int landmark;     ///< index into the map's lines
     int stereo_line;  ///< index into the frame's lines
-    LineSight sight;
+    LineObservation observation;
   };
   std::vector<Point> points;
   std::vector<Line> lines;
@@ -26,14 +28,15 @@ struct MapSights {
   std::vector<bool> line_in_view;   ///< one per line of the map
 };
 
-/// Looks for points by projection: those seen in the last frame by their patches from the expected
-/// places; the others by their descriptors first, as they may be farther off.
+/// Matches points by projection: those observed in the last frame by aligning their patches at the
+/// projections; the others by their descriptors first, as their projections may be less accurate.
 void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
                 const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
-                MapSights* sights);
+                LandmarkMatches* landmark_matches);
 
-/// Looks for lines by projection, by their descriptors and geometry.
+/// Matches lines by projection, descriptors and geometry.
 void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
-               const StereoFrame& frame, const FrameContext& context, MapSights* sights);
+               const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
+               LandmarkMatches* landmark_matches);
 
 }  // namespace point_line_odometry

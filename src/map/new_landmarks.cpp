@@ -8,29 +8,42 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
-constexpr float kApartPx = 8.0F;  // between a new point and others
+constexpr float kMinDistancePx = 8.0F;  // between a new point and others
 
 }  // namespace
 
-PointQuota::PointQuota(const StereoCamera& camera, int cell_size_px)
-    : cell_size_(static_cast<float>(cell_size_px)),
-      columns_(camera.width / cell_size_px + 1),
-      cells_(static_cast<std::size_t>(columns_) * (camera.height / cell_size_px + 1)) {}
+LandmarkCandidates landmarkCandidates(const StereoFrame& curr, const CircularMatches& matches,
+                                      const MotionEstimate& motion) {
+  LandmarkCandidates candidates;
+  if (!motion.ok()) return candidates;
+  std::vector<bool> matched(curr.points.size(), false);
+  for (std::size_t i = 0; i < matches.points.size(); ++i) {
+    const int point = matches.points[i].second;
+    matched[point] = true;
+    if (motion.point_inliers[i] && !curr.points[point].far) candidates.points.push_back(point);
+  }
+  for (std::size_t i = 0; i < matched.size(); ++i) {
+    if (!matched[i] && !curr.points[i].far)
+      candidates.unmatched_points.push_back(static_cast<int>(i));
+  }
+  for (std::size_t i = 0; i < matches.lines.size(); ++i) {
+    if (motion.line_inliers[i]) candidates.lines.push_back(matches.lines[i].second);
+  }
+  return candidates;
+}
 
-bool PointQuota::take(const Eigen::Vector2f& pixel, int wanted) {
-  std::vector<Eigen::Vector2f>& points = cell(pixel);
+PointBuckets::PointBuckets(const StereoCamera& camera, int cell_size_px)
+    : cells_(camera.width, camera.height, cell_size_px) {}
+
+bool PointBuckets::take(const Eigen::Vector2f& pixel, int wanted) {
+  std::vector<Eigen::Vector2f>& points = cells_.at(pixel);
   const auto near = [&](const Eigen::Vector2f& other) {
-    return (other - pixel).squaredNorm() < kApartPx * kApartPx;
+    return (other - pixel).squaredNorm() < kMinDistancePx * kMinDistancePx;
   };
   if (static_cast<int>(points.size()) >= wanted || std::any_of(points.begin(), points.end(), near))
     return false;
   points.push_back(pixel);
   return true;
-}
-
-std::vector<Eigen::Vector2f>& PointQuota::cell(const Eigen::Vector2f& pixel) {
-  return cells_[static_cast<std::size_t>(static_cast<int>(pixel.y() / cell_size_) * columns_ +
-                                         static_cast<int>(pixel.x() / cell_size_))];
 }
 
 bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
@@ -41,18 +54,19 @@ bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
 
 MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
                    const Eigen::Isometry3d& T_map_camera) {
-  const PointFeature& feature = frame.features.points_left[stereo.left];
+  const Keypoint& keypoint = frame.features.points_left[stereo.left];
   const Eigen::Matrix3d& R = T_map_camera.linear();
   MapPoint point;
-  point.place.value = T_map_camera * stereo.triangulated.p_camera;
-  point.place.spread = R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
+  point.estimate.value = T_map_camera * stereo.triangulated.p_camera;
+  point.estimate.sqrt_covariance =
+      R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
   point.patch_axes = R * stereo.pixel_axes;
   cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
-  point.octave = feature.octave;
-  const Eigen::Vector2f pixel = frame.left_image.toLevel(feature.pixel, feature.octave);
-  cv::getRectSubPix(frame.left_image.levels[static_cast<std::size_t>(feature.octave)], patch.size(),
-                    {pixel.x(), pixel.y()}, patch);
-  point.left = feature.descriptor;
+  point.octave = keypoint.octave;
+  const Eigen::Vector2f pixel = frame.left_image.toLevel(keypoint.pixel, keypoint.octave);
+  cv::getRectSubPix(frame.left_image.levels[static_cast<std::size_t>(keypoint.octave)],
+                    patch.size(), {pixel.x(), pixel.y()}, patch);
+  point.left = keypoint.descriptor;
   point.right = frame.features.points_right[stereo.right].descriptor;
   return point;
 }
@@ -62,14 +76,15 @@ MapLine makeLine(const StereoFrame& frame, const StereoLine& stereo,
   const TriangulatedLine& triangulated = *stereo.triangulated;
   // Of the six eigenvalues two are zero: noise along the line is not in the covariance.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(triangulated.covariance);
-  const LineBelief::Spread spread =
+  const LineEstimate::SqrtCovariance sqrt_covariance =
       eigen.eigenvectors().rightCols<4>() *
       eigen.eigenvalues().tail<4>().cwiseMax(0.0).cwiseSqrt().asDiagonal();
   const Eigen::Matrix3d& R = T_map_camera.linear();
   MapLine line;
-  line.place.value << T_map_camera * triangulated.start_camera,
+  line.estimate.value << T_map_camera * triangulated.start_camera,
       T_map_camera * triangulated.end_camera;
-  line.place.spread << R * spread.topRows<3>(), R * spread.bottomRows<3>();
+  line.estimate.sqrt_covariance << R * sqrt_covariance.topRows<3>(),
+      R * sqrt_covariance.bottomRows<3>();
   line.left = frame.features.lines_left[stereo.left].descriptor;
   line.right = frame.features.lines_right[stereo.right].descriptor;
   return line;

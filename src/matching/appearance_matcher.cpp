@@ -1,6 +1,7 @@
-#include "matching/closed_pairs.h"
+#include "matching/appearance_matcher.h"
+
+#include "matching/cross_check.h"
 #include "matching/descriptor_distance.h"
-#include "point_line_odometry/matching.h"
 
 namespace point_line_odometry {
 
@@ -20,10 +21,10 @@ std::vector<IndexPair> matchPointsByAppearance(const std::vector<StereoDescripto
   const std::vector<StereoDescriptor> seen = stereoDescriptors(curr);
   std::vector<int> distances(seen.size());
   std::vector<int> forward(known.size(), -1);
-  std::vector<BestTwo> backward(seen.size());
+  std::vector<TwoNearest> backward(seen.size());
   for (std::size_t i = 0; i < known.size(); ++i) {
     hammingDistances(known[i], seen.data(), static_cast<int>(seen.size()), distances.data());
-    BestTwo best;
+    TwoNearest best;
     for (std::size_t k = 0; k < seen.size(); ++k) {
       best.offer(static_cast<int>(k), distances[k]);
       backward[k].offer(static_cast<int>(i), distances[k]);
@@ -32,7 +33,7 @@ std::vector<IndexPair> matchPointsByAppearance(const std::vector<StereoDescripto
   }
   std::vector<int> back(seen.size());
   for (std::size_t k = 0; k < seen.size(); ++k) back[k] = backward[k].best_index;
-  return closedPairs(forward, back);
+  return crossCheck(forward, back);
 }
 
 }  // namespace point_line_odometry

@@ -5,10 +5,10 @@
 namespace point_line_odometry {
 
 POINT_LINE_ODOMETRY_CLONES("popcnt")
-void hammingDistances(const Descriptor& from, const Descriptor* to, const int* places, int count,
+void hammingDistances(const Descriptor& from, const Descriptor* to, const int* indices, int count,
                       int* distances) {
   for (int k = 0; k < count; ++k) {
-    const Descriptor& other = to[places[k]];
+    const Descriptor& other = to[indices[k]];
     int distance = 0;
     for (std::size_t i = 0; i < from.size(); ++i)
       distance += __builtin_popcountll(from[i] ^ other[i]);
@@ -30,9 +30,9 @@ void hammingDistances(const StereoDescriptor& from, const StereoDescriptor* to, 
 }
 
 int hammingDistance(const Descriptor& a, const Descriptor& b) {
-  const int place = 0;
+  const int index = 0;
   int distance = 0;
-  hammingDistances(a, &b, &place, 1, &distance);
+  hammingDistances(a, &b, &index, 1, &distance);
   return distance;
 }
 

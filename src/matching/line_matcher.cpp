@@ -1,10 +1,12 @@
+#include "matching/line_matcher.h"
+
 #include <algorithm>
 #include <cmath>
 
-#include "matching/closed_pairs.h"
+#include "matching/cross_check.h"
 #include "matching/descriptor_distance.h"
 #include "matching/segment_grid.h"
-#include "point_line_odometry/matching.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 namespace {
@@ -31,16 +33,16 @@ float overlapRatio(float a0, float a1, float b0, float b1) {
   return shorter > 0.0F ? common / shorter : 0.0F;
 }
 
-/// A segment with what is asked of it again and again.
+/// A segment with its direction and length precomputed.
 struct Segment : LineSegment {
   Eigen::Vector2f along;
   float size;
 
-  Segment(const LineSegment& segment)  // NOLINT(runtime/explicit): the same thing, prepared
+  Segment(const LineSegment& segment)  // NOLINT(runtime/explicit): the same segment
       : LineSegment(segment), along(segment.direction()), size(segment.length()) {}
 };
 
-/// Direction and length: the appearance-geometry constraint that both kinds of search share.
+/// Direction and length: the geometric constraint of stereo and circular matching.
 bool alike(const Segment& a, const Segment& b, const SegmentLimits& limits) {
   return a.along.dot(b.along) >= limits.min_cosine &&
          std::min(a.size, b.size) >= limits.min_length_ratio * std::max(a.size, b.size);
@@ -72,8 +74,8 @@ LineViews viewsOf(const std::vector<LineFeature>& features) {
   return views;
 }
 
-/// Finds the segment with the best descriptor among those that fit; a piece of the same edge as the
-/// best is not a rival.
+/// Finds the nearest descriptor among the segments that satisfy a constraint. The ratio test
+/// ignores pieces of the same edge.
 class LineSearch {
  public:
   LineSearch(const LineViews& candidates, const MatchingParameters& parameters)
@@ -81,45 +83,46 @@ class LineSearch {
         parameters_(parameters),
         grid_({candidates.segments.begin(), candidates.segments.end()}) {}
 
-  /// The best of the candidates that touch the box and for which `fits(segment)` holds, or -1.
+  /// The nearest of the candidates that touch the box and for which `fits(segment)` is true, or -1.
   template <typename Fits>
   int best(const Descriptor& descriptor, const Eigen::AlignedBox2f& box, Fits&& fits) {
-    places_.clear();
+    indices_.clear();
     grid_.forEachNear(box, [&](int k) {
-      if (fits(candidates_.segments[k])) places_.push_back(k);
+      if (fits(candidates_.segments[k])) indices_.push_back(k);
     });
-    distances_.resize(places_.size());
-    hammingDistances(descriptor, candidates_.descriptors.data(), places_.data(),
-                     static_cast<int>(places_.size()), distances_.data());
+    distances_.resize(indices_.size());
+    hammingDistances(descriptor, candidates_.descriptors.data(), indices_.data(),
+                     static_cast<int>(indices_.size()), distances_.data());
     return accepted();
   }
 
  private:
   int accepted() const {
     std::size_t best = 0;
-    for (std::size_t k = 1; k < places_.size(); ++k) {
+    for (std::size_t k = 1; k < indices_.size(); ++k) {
       if (distances_[k] < distances_[best] ||
-          (distances_[k] == distances_[best] && places_[k] < places_[best])) {
+          (distances_[k] == distances_[best] && indices_[k] < indices_[best])) {
         best = k;
       }
     }
-    if (places_.empty() || distances_[best] > parameters_.max_line_distance) return -1;
-    for (std::size_t k = 0; k < places_.size(); ++k) {
+    if (indices_.empty() || distances_[best] > parameters_.max_line_distance) return -1;
+    for (std::size_t k = 0; k < indices_.size(); ++k) {
       if (k == best || distances_[best] < parameters_.max_distance_ratio * distances_[k]) continue;
-      if (!collinear(candidates_.segments[places_[best]], candidates_.segments[places_[k]]))
+      if (!collinear(candidates_.segments[indices_[best]], candidates_.segments[indices_[k]]))
         return -1;
     }
-    return places_[best];
+    return indices_[best];
   }
 
   const LineViews& candidates_;
   const MatchingParameters& parameters_;
   SegmentGrid grid_;
-  std::vector<int> places_;
+  std::vector<int> indices_;
   std::vector<int> distances_;
 };
 
-/// For each left segment the best right one (`sign` +1), or the other way round (-1), else -1.
+/// For each left segment the nearest right one (`sign` +1), or for each right one the left one
+/// (-1), else -1.
 std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int sign,
                                 const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
@@ -139,15 +142,15 @@ std::vector<int> bestOnSameRows(const LineViews& from, const LineViews& to, int 
           flat ? std::abs(a.middle().y() - b.middle().y()) <= parameters.max_row_difference_px
                : overlapRatio(a.start.y(), a.end.y(), b.start.y(), b.end.y()) >= limits.min_overlap;
       const float disparity = sign * (a.middle().x() - b.middle().x());
-      const float slack = 0.5F * (a.size + b.size);  // end points slide along the edge
+      const float slack = 0.5F * (a.size + b.size);  // end points are uncertain along the edge
       return share_rows && disparity >= -slack && disparity <= parameters.max_disparity_px + slack;
     }));
   }
   return partners;
 }
 
-/// For each segment of `from`, which stand where they are expected, the best of `to` near it, or
-/// -1.
+/// For each segment of `from`, at its predicted position, the nearest descriptor of `to` around it,
+/// or -1.
 std::vector<int> bestNearExpected(const LineViews& from, const LineViews& to, double radius_px,
                                   const MatchingParameters& parameters) {
   const SegmentLimits limits(parameters);
@@ -174,8 +177,8 @@ LineSegment project(const StereoCamera& camera, const Eigen::Vector3d& start,
   return {camera.projectRight(start).cast<float>(), camera.projectRight(end).cast<float>()};
 }
 
-/// Where segments can be seen: the image and a margin. Those that reach far beyond it are left out,
-/// too.
+/// The image with a margin, in which segments are visible. Those that reach far beyond it are left
+/// out, too.
 class ImageArea {
  public:
   ImageArea(const StereoCamera& camera, double margin_px)
@@ -201,12 +204,15 @@ class ImageArea {
 
 std::vector<IndexPair> matchLinesStereo(const std::vector<LineFeature>& left,
                                         const std::vector<LineFeature>& right,
-                                        const MatchingParameters& parameters) {
+                                        const MatchingParameters& parameters, ThreadPool* threads) {
   const LineViews left_views = viewsOf(left);
   const LineViews right_views = viewsOf(right);
-  const std::vector<int> to_right = bestOnSameRows(left_views, right_views, 1, parameters);
-  const std::vector<int> to_left = bestOnSameRows(right_views, left_views, -1, parameters);
-  return closedPairs(to_right, to_left);
+  std::vector<int> to_right;
+  std::vector<int> to_left;
+  runBoth(
+      threads, [&] { to_right = bestOnSameRows(left_views, right_views, 1, parameters); },
+      [&] { to_left = bestOnSameRows(right_views, left_views, -1, parameters); });
+  return crossCheck(to_right, to_left);
 }
 
 std::optional<ExpectedLine> expectLine(const StereoCamera& camera, const Eigen::Vector3d& start,
@@ -222,7 +228,8 @@ std::optional<ExpectedLine> expectLine(const StereoCamera& camera, const Eigen::
 
 std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expected,
                                           const StereoFrame& curr, double radius_px,
-                                          const MatchingParameters& parameters) {
+                                          const MatchingParameters& parameters,
+                                          ThreadPool* threads) {
   LineViews expected_left;
   LineViews expected_right;
   for (const ExpectedLine& line : expected) {
@@ -238,18 +245,21 @@ std::vector<IndexPair> matchExpectedLines(const std::vector<ExpectedLine>& expec
     curr_right.add(right.segment, right.descriptor);
   }
 
-  // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
-  const std::vector<int> forward =
-      bestNearExpected(expected_right, curr_right, radius_px, parameters);
-  const std::vector<int> backward =
-      bestNearExpected(curr_left, expected_left, radius_px, parameters);
-  return closedPairs(forward, backward);
+  // r(k-1) -> r(k); the stereo match r(k) -> l(k); then l(k) -> l(k-1).
+  std::vector<int> forward;
+  std::vector<int> backward;
+  runBoth(
+      threads,
+      [&] { forward = bestNearExpected(expected_right, curr_right, radius_px, parameters); },
+      [&] { backward = bestNearExpected(curr_left, expected_left, radius_px, parameters); });
+  return crossCheck(forward, backward);
 }
 
 std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoFrame& curr,
                                           const StereoCamera& camera,
                                           const MotionPrediction& prediction,
-                                          const MatchingParameters& parameters) {
+                                          const MatchingParameters& parameters,
+                                          ThreadPool* threads) {
   std::vector<int> prev_index;
   std::vector<ExpectedLine> expected;
   for (std::size_t i = 0; i < prev.lines.size(); ++i) {
@@ -265,25 +275,9 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
     expected.push_back(*expected_line);
   }
   std::vector<IndexPair> pairs =
-      matchExpectedLines(expected, curr, prediction.radius_px, parameters);
+      matchExpectedLines(expected, curr, prediction.radius_px, parameters, threads);
   for (IndexPair& pair : pairs) pair.first = prev_index[pair.first];
   return pairs;
-}
-
-StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters,
-                          ThreadPool* threads) {
-  StereoMatches matches;
-  matches.points =
-      matchPointsStereo(features.points_left, features.points_right, parameters, threads);
-  matches.lines = matchLinesStereo(features.lines_left, features.lines_right, parameters);
-  return matches;
-}
-
-CircularMatches matchCircular(const StereoFrame& prev, const StereoFrame& curr,
-                              const StereoCamera& camera, const MotionPrediction& prediction,
-                              const MatchingParameters& parameters) {
-  return {matchPointsCircular(prev, curr, camera, prediction, parameters),
-          matchLinesCircular(prev, curr, camera, prediction, parameters)};
 }
 
 }  // namespace point_line_odometry

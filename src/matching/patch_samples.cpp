@@ -2,7 +2,10 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/core/hal/intrin.hpp>
+
+#include "common/processor_clones.h"
 
 namespace point_line_odometry {
 namespace {
@@ -13,21 +16,25 @@ constexpr int kPitch = PatchAligner::kPitch;
 constexpr int kWide = PatchAligner::kWide;
 constexpr int kWider = kWide + 2;
 constexpr int kWiderPitch = kWider + 1;
+constexpr float kHalfWider = 0.5F * (kWider - 1);
+// Offsets of the columns from the middle. The last one, of no use, is sampled at its neighbour's.
+constexpr float kFromMiddle[kWiderPitch] = {-7, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6, 7, 7};
 
 using Patch = PatchAligner::Patch;
 using WidePatch = PatchAligner::WidePatch;
 
-/// Pixels round a place in an image, and where it lies between them.
-struct Place {
+/// The pixels around a sub-pixel position in an image, and its fractional part.
+struct PixelWindow {
   const uchar* origin = nullptr;  // top-left pixel
   std::ptrdiff_t step = 0;
-  float right = 0.0F;  // share of the way to the right neighbour
+  float right = 0.0F;  // fraction of the distance to the right neighbour
   float below = 0.0F;
   bool valid = false;  // all pixels lie in the image
 
-  /// \param before pixels to the left of the place and above it.
-  Place(const cv::Mat& image, const Eigen::Vector2f& centre, int before, int rows, int columns) {
-    // In floats: no int holds NaN or a huge place.
+  /// \param before pixels to the left of the centre and above it.
+  PixelWindow(const cv::Mat& image, const Eigen::Vector2f& centre, int before, int rows,
+              int columns) {
+    // In floats: no int represents NaN or a huge coordinate.
     const auto begin = static_cast<float>(before);
     valid = centre.x() >= begin && centre.y() >= begin &&
             centre.x() < static_cast<float>(image.cols - columns + before + 1) &&
@@ -42,190 +49,179 @@ struct Place {
   }
 };
 
-cv::v_float32x4 loadFour(const uchar* p) {
+constexpr float kMeanBlur = 1.0F / 12.0F;  // weight of either neighbour: half the variance
+
+/// Weight of either neighbour that blurs a bilinear sample at a fraction of a pixel as all others;
+/// negative where the sample is blurred more.
+inline float blurAt(float fraction) { return kMeanBlur + 0.5F * fraction * (fraction - 1.0F); }
+
+inline cv::v_float32x4 loadFour(const uchar* p) {
   return cv::v_cvt_f32(cv::v_reinterpret_as_s32(cv::v_load_expand_q(p)));
 }
 
-constexpr float kMeanBlur = 1.0F / 12.0F;  // weight of either neighbour: half the variance
-
-/// Weight of either neighbour for a bilinear sample at a share of the way: negative where it is too
-/// blurred itself.
-cv::v_float32x4 blurAt(const cv::v_float32x4& share) {
-  return cv::v_setall_f32(kMeanBlur) +
-         cv::v_setall_f32(0.5F) * share * (share - cv::v_setall_f32(1.0F));
-}
+using Weights = std::array<cv::v_float32x4, 4>;
 
 /// Weights of four pixels for the sample between the second and the third.
-std::array<cv::v_float32x4, 4> weightsAt(float share) {
-  const cv::v_float32x4 one = cv::v_setall_f32(1.0F);
-  const cv::v_float32x4 right = cv::v_setall_f32(share);
-  const cv::v_float32x4 left = one - right;
-  const cv::v_float32x4 blur = blurAt(right);
-  const cv::v_float32x4 here = one - (blur + blur);
-  return {blur * left, here * left + blur * right, here * right + blur * left, blur * right};
+Weights weightsAt(float fraction) {
+  const float left = 1.0F - fraction;
+  const float blur = blurAt(fraction);
+  const float here = 1.0F - (blur + blur);
+  return {cv::v_setall_f32(blur * left), cv::v_setall_f32(here * left + blur * fraction),
+          cv::v_setall_f32(here * fraction + blur * left), cv::v_setall_f32(blur * fraction)};
 }
 
-/// A pixel in the lower byte, its right neighbour in the upper one.
-std::uint32_t loadPair(const uchar* p) {
-  return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8;
+/// Samples of a patch at a fraction of a pixel, from its pixels and those around it. All rows are
+/// written before any is read: reading just-written memory at other offsets stalls (store
+/// forwarding).
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void interpolate(const uchar* origin, std::ptrdiff_t step, const Weights& along,
+                 const Weights& across, float* __restrict values) {
+  float pixels[kSide + 3][kPitch + 4];
+  for (int r = 0; r < kSide + 3; ++r) {
+    const uchar* p = origin + r * step;
+    for (const int c : {0, 4, 8, kPitch - 1}) v_store(pixels[r] + c, loadFour(p + c));
+  }
+  float rows[kSide + 3][kPitch];
+  for (int r = 0; r < kSide + 3; ++r) {
+    for (int c = 0; c < kPitch; c += 4) {
+      const float* p = pixels[r] + c;
+      v_store(rows[r] + c, along[0] * cv::v_load(p) + along[1] * cv::v_load(p + 1) +
+                               along[2] * cv::v_load(p + 2) + along[3] * cv::v_load(p + 3));
+    }
+  }
+  for (int r = 0; r < kSide; ++r) {
+    for (int c = 0; c < kPitch; c += 4) {
+      v_store(values + r * kPitch + c, across[0] * cv::v_load(rows[r] + c) +
+                                           across[1] * cv::v_load(rows[r + 1] + c) +
+                                           across[2] * cv::v_load(rows[r + 2] + c) +
+                                           across[3] * cv::v_load(rows[r + 3] + c));
+    }
+  }
 }
 
-/// Bilinear samples of four places in an image, whose pixels to the upper left are given, too.
-cv::v_float32x4 sampleFour(const uchar* image, std::ptrdiff_t step, const cv::v_int32x4& left,
-                           const cv::v_int32x4& above, const cv::v_float32x4& right,
-                           const cv::v_float32x4& below) {
-  std::array<int, 4> columns;
-  std::array<int, 4> rows;
-  v_store(columns.data(), left);
-  v_store(rows.data(), above);
-  const auto neighbours = [&](int i) {
-    const uchar* p = image + rows[i] * step + columns[i];
-    return loadPair(p) | loadPair(p + step) << 16;
-  };
-  const cv::v_uint32x4 all(neighbours(0), neighbours(1), neighbours(2), neighbours(3));
-  const cv::v_uint32x4 byte = cv::v_setall_u32(255);
-  const auto toFloats = [](const cv::v_uint32x4& values) {
-    return cv::v_cvt_f32(cv::v_reinterpret_as_s32(values));
-  };
-  const cv::v_float32x4 above_left = toFloats(all & byte);
-  const cv::v_float32x4 above_right = toFloats((all >> 8) & byte);
-  const cv::v_float32x4 below_left = toFloats((all >> 16) & byte);
-  const cv::v_float32x4 below_right = toFloats(all >> 24);
-  const cv::v_float32x4 upper = above_left + right * (above_right - above_left);
-  const cv::v_float32x4 lower = below_left + right * (below_right - below_left);
-  return upper + below * (lower - upper);
-}
-
-/// Bilinear samples of a patch with a border of one pixel, and by how much to blur them.
+/// Bilinear samples of a patch with a border of one pixel, and the weights that blur them equally.
 struct Samples {
-  using Values = std::array<float, kWider * kWiderPitch>;
+  // Two more, so that a row's neighbours can be read beyond the last one.
+  using Values = std::array<float, kWider * kWiderPitch + 2>;
   Values brightness;
-  Values blur_x;  // weight of either neighbour in the row; negative where it is too blurred
+  Values blur_x;  // weight of either neighbour in the row; negative where it is blurred more
   Values blur_y;
 
-  WidePatch toWidePatch() const {
-    std::array<float, kWider * kWide> rows;  // blurred along them
-    for (int r = 0; r < kWider; ++r) {
-      const float* here = brightness.data() + r * kWiderPitch + 1;
-      const float* weight = blur_x.data() + r * kWiderPitch + 1;
-      for (int c = 0; c < kWide; ++c) {
-        rows[r * kWide + c] =
-            here[c] + weight[c] * ((here[c - 1] - here[c]) + (here[c + 1] - here[c]));
-      }
-    }
-    WidePatch wide;
-    for (int r = 0; r < kWide; ++r) {
-      const float* here = rows.data() + (r + 1) * kWide;
-      const float* weight = blur_y.data() + (r + 1) * kWiderPitch + 1;
-      for (int c = 0; c < kWide; ++c) {
-        wide[r * kWide + c] =
-            here[c] + weight[c] * ((here[c - kWide] - here[c]) + (here[c + kWide] - here[c]));
-      }
-    }
-    return wide;
+  Samples() {  // all others are written before they are read
+    for (Values* values : {&brightness, &blur_x, &blur_y})
+      values->end()[-1] = values->end()[-2] = 0.0F;
   }
 };
 
-/// Samples of a patch round a pixel, which corners are. False if it is none, or too near to the
-/// image's border.
+/// Blurs the samples along their rows, then along the columns. Whole rows of the memory are
+/// computed, as vectors: the last three columns are of no use.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void blur(const Samples& samples, float* __restrict wide) {
+  static_assert(PatchAligner::kWidePitch == kWiderPitch);
+  float rows[kWider * kWiderPitch];
+  for (int i = 0; i < kWider * kWiderPitch; ++i) {
+    const float* p = samples.brightness.data() + i + 1;
+    rows[i] = p[0] + samples.blur_x[i + 1] * ((p[-1] - p[0]) + (p[1] - p[0]));
+  }
+  for (int i = 0; i < kWide * kWiderPitch; ++i) {
+    const float* p = rows + i + kWiderPitch;
+    wide[i] = p[0] + samples.blur_y[i + kWiderPitch + 1] *
+                         ((p[-kWiderPitch] - p[0]) + (p[kWiderPitch] - p[0]));
+  }
+}
+
+/// Samples of a patch around an integer pixel, as detected corners are. False at other positions or
+/// too near to the image's border.
 bool sampleOnPixels(const cv::Mat& image, const Eigen::Vector2f& pixel, Samples* samples) {
-  const Place place(image, pixel, kWider / 2, kWider, kWiderPitch);
-  if (!place.valid || place.right != 0.0F || place.below != 0.0F) return false;
+  const PixelWindow window(image, pixel, kWider / 2, kWider, kWiderPitch);
+  if (!window.valid || window.right != 0.0F || window.below != 0.0F) return false;
   for (int r = 0; r < kWider; ++r) {
-    for (int c = 0; c < kWiderPitch; c += 4) {
-      v_store(samples->brightness.data() + r * kWiderPitch + c,
-              loadFour(place.origin + r * place.step + c));
-    }
+    const uchar* p = window.origin + r * window.step;
+    for (int c = 0; c < kWiderPitch; c += 4)
+      v_store(samples->brightness.data() + r * kWiderPitch + c, loadFour(p + c));
   }
   samples->blur_x.fill(kMeanBlur);
   samples->blur_y.fill(kMeanBlur);
   return true;
 }
 
-/// Samples of a patch whose pixels are `source_by_target` apart. False if a corner lies outside of
-/// the image.
-bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre,
-                  const Eigen::Matrix2f& source_by_target, Samples* samples) {
-  constexpr float kHalfWider = 0.5F * (kWider - 1);
+/// Two by two pixels in one word: those of the upper row in the lower bytes.
+inline std::uint32_t loadSquare(const uchar* p, std::ptrdiff_t step) {
+  std::uint16_t upper;
+  std::uint16_t lower;
+  std::memcpy(&upper, p, sizeof(upper));
+  std::memcpy(&lower, p + step, sizeof(lower));
+  return static_cast<std::uint32_t>(upper) | static_cast<std::uint32_t>(lower) << 16;
+}
+
+/// Samples of a patch whose corners lie in the image. In two passes, so that each is computed with
+/// vectors but for the loading of pixels.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, const float* warp,
+                  Samples* __restrict samples) {
+  std::uint32_t pixels[kWider * kWiderPitch];
+  float right[kWider * kWiderPitch];
+  float below[kWider * kWiderPitch];
+  const int rows_above = static_cast<int>(centre[1]);
+  const uchar* origin = image + rows_above * step;
+  const int int_step = static_cast<int>(step);
+  for (int r = 0; r < kWider; ++r) {
+    const float down = static_cast<float>(r) - kHalfWider;
+    const float middle_x = centre[0] + down * warp[2];
+    const float middle_y = centre[1] + down * warp[3];
+    int offsets[kWiderPitch];
+    for (int c = 0; c < kWiderPitch; ++c) {
+      const float x = middle_x + warp[0] * kFromMiddle[c];
+      const float y = middle_y + warp[1] * kFromMiddle[c];
+      const int left = static_cast<int>(x);
+      const int above = static_cast<int>(y);
+      right[r * kWiderPitch + c] = x - static_cast<float>(left);
+      below[r * kWiderPitch + c] = y - static_cast<float>(above);
+      offsets[c] = (above - rows_above) * int_step + left;
+    }
+    for (int c = 0; c < kWiderPitch; ++c)
+      pixels[r * kWiderPitch + c] = loadSquare(origin + offsets[c], step);
+  }
+  for (int i = 0; i < kWider * kWiderPitch; ++i) {
+    const auto byte = [&](int k) { return static_cast<float>((pixels[i] >> (8 * k)) & 255U); };
+    const float upper = byte(0) + right[i] * (byte(1) - byte(0));
+    const float lower = byte(2) + right[i] * (byte(3) - byte(2));
+    samples->brightness[i] = upper + below[i] * (lower - upper);
+    samples->blur_x[i] = blurAt(right[i]);
+    samples->blur_y[i] = blurAt(below[i]);
+  }
+}
+
+/// Samples of a patch under an affine warp. False if a corner lies outside of the image.
+bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre, const Eigen::Matrix2f& warp,
+                  Samples* samples) {
   constexpr float kRounding = 0.001F;  // more than floats of this size are wrong by [px]
-  const Eigen::Vector2f extent =
-      (kHalfWider * source_by_target.cwiseAbs().rowwise().sum()).array() + kRounding;
+  const Eigen::Vector2f extent = (kHalfWider * warp.cwiseAbs().rowwise().sum()).array() + kRounding;
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
         high.y() < static_cast<float>(image.rows - 1))) {
     return false;
   }
-  const auto step = static_cast<std::ptrdiff_t>(image.step1());
-  const cv::v_float32x4 x_by_column = cv::v_setall_f32(source_by_target(0, 0));
-  const cv::v_float32x4 y_by_column = cv::v_setall_f32(source_by_target(1, 0));
-  for (int r = 0; r < kWider; ++r) {
-    const Eigen::Vector2f middle =
-        centre + (static_cast<float>(r) - kHalfWider) * source_by_target.col(1);
-    cv::v_float32x4 column(-kHalfWider, 1.0F - kHalfWider, 2.0F - kHalfWider, 3.0F - kHalfWider);
-    for (int c = 0; c < kWiderPitch; c += 4, column = column + cv::v_setall_f32(4.0F)) {
-      const cv::v_float32x4 inside = cv::v_min(column, cv::v_setall_f32(kHalfWider));
-      const cv::v_float32x4 x = cv::v_setall_f32(middle.x()) + x_by_column * inside;
-      const cv::v_float32x4 y = cv::v_setall_f32(middle.y()) + y_by_column * inside;
-      const cv::v_int32x4 left = cv::v_trunc(x);
-      const cv::v_int32x4 above = cv::v_trunc(y);
-      const cv::v_float32x4 right = x - cv::v_cvt_f32(left);
-      const cv::v_float32x4 below = y - cv::v_cvt_f32(above);
-      const int i = r * kWiderPitch + c;
-      v_store(samples->brightness.data() + i,
-              sampleFour(image.data, step, left, above, right, below));
-      v_store(samples->blur_x.data() + i, blurAt(right));
-      v_store(samples->blur_y.data() + i, blurAt(below));
-    }
-  }
+  sampleInside(image.data, static_cast<std::ptrdiff_t>(image.step1()), centre.data(), warp.data(),
+               samples);
   return true;
 }
 
-}  // namespace
-
-bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* values) {
-  constexpr int kRows = kSide + 3;
-  const Place place(image, centre, kHalf + 1, kRows, kPitch + 3);
-  if (!place.valid) return false;
-  const auto along = weightsAt(place.right);
-  const auto across = weightsAt(place.below);
-  std::array<float, kRows * kPitch> rows;
-  for (int r = 0; r < kRows; ++r) {
-    for (int c = 0; c < kPitch; c += 4) {
-      const uchar* p = place.origin + r * place.step + c;
-      v_store(rows.data() + r * kPitch + c, along[0] * loadFour(p) + along[1] * loadFour(p + 1) +
-                                                along[2] * loadFour(p + 2) +
-                                                along[3] * loadFour(p + 3));
-    }
-  }
-  for (int i = 0; i < kSide * kPitch; i += 4) {
-    const float* p = rows.data() + i;
-    v_store(values->data() + i, across[0] * cv::v_load(p) + across[1] * cv::v_load(p + kPitch) +
-                                    across[2] * cv::v_load(p + 2 * kPitch) +
-                                    across[3] * cv::v_load(p + 3 * kPitch));
-  }
-  return true;
-}
-
-bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
+/// Bilinear samples of a patch at an aligned position and slope that lies in the image. All rows
+/// are written before any is read, as in interpolate().
+void interpolateSlanted(const cv::Mat& image, const AlignedPatch& seen, float* values) {
   // Pixels of a row, in fours: kSide * (1 + kMaxPatchSlope) and two more.
   constexpr int kMaxSpan = 24;
-  const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
-  const Eigen::Vector2f& centre = seen.pixel;
-  if (!(centre.x() >= extent && centre.y() >= kHalf &&
-        centre.x() + extent + 4.0F < static_cast<float>(image.cols) &&
-        centre.y() + kHalf < static_cast<float>(image.rows - 1))) {
-    return false;
-  }
-  const int y = static_cast<int>(centre.y());
+  const int y = static_cast<int>(seen.pixel.y());
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
-  const cv::v_float32x4 below = cv::v_setall_f32(centre.y() - static_cast<float>(y));
+  const cv::v_float32x4 below = cv::v_setall_f32(seen.pixel.y() - static_cast<float>(y));
   const float along = 1.0F + seen.slope.x();
-  // All rows before any is read again: what has just been written is slow to read elsewhere.
   std::array<std::array<float, kMaxSpan>, kSide> rows{};
   std::array<float, kSide> offsets;
   for (int r = 0; r < kSide; ++r) {
-    const float begin = centre.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
+    const float begin =
+        seen.pixel.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
     const int first = static_cast<int>(begin);
     offsets[r] = begin - static_cast<float>(first);
     const uchar* p = image.ptr<uchar>(y - kHalf + r) + first;
@@ -244,10 +240,32 @@ bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* v
       cv::v_float32x4 here;
       cv::v_float32x4 right;
       cv::v_lut_deinterleave(rows[r].data(), left, here, right);
-      v_store(values->data() + r * kPitch + c, here + (at - cv::v_cvt_f32(left)) * (right - here));
+      v_store(values + r * kPitch + c, here + (at - cv::v_cvt_f32(left)) * (right - here));
     }
-    (*values)[r * kPitch + kSide] = 0.0F;
+    values[r * kPitch + kSide] = 0.0F;
   }
+}
+
+}  // namespace
+
+bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* values) {
+  constexpr int kRows = kSide + 3;
+  const PixelWindow window(image, centre, kHalf + 1, kRows, kPitch + 3);
+  if (!window.valid) return false;
+  interpolate(window.origin, window.step, weightsAt(window.right), weightsAt(window.below),
+              values->data());
+  return true;
+}
+
+bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
+  const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
+  const Eigen::Vector2f& centre = seen.pixel;
+  if (!(centre.x() >= extent && centre.y() >= kHalf &&
+        centre.x() + extent + 4.0F < static_cast<float>(image.cols) &&
+        centre.y() + kHalf < static_cast<float>(image.rows - 1))) {
+    return false;
+  }
+  interpolateSlanted(image, seen, values->data());
   return true;
 }
 
@@ -257,14 +275,18 @@ std::optional<WidePatch> sampleWidePatch(const cv::Mat& image, const Eigen::Vect
       !sampleWarped(image, pixel, Eigen::Matrix2f::Identity(), &samples)) {
     return std::nullopt;
   }
-  return samples.toWidePatch();
+  std::optional<WidePatch> wide(std::in_place);
+  blur(samples, wide->data());
+  return wide;
 }
 
 std::optional<WidePatch> sampleWidePatch(const cv::Mat& image, const Eigen::Vector2f& pixel,
-                                         const Eigen::Matrix2f& source_by_target) {
+                                         const Eigen::Matrix2f& warp) {
   Samples samples;
-  if (!sampleWarped(image, pixel, source_by_target, &samples)) return std::nullopt;
-  return samples.toWidePatch();
+  if (!sampleWarped(image, pixel, warp, &samples)) return std::nullopt;
+  std::optional<WidePatch> wide(std::in_place);
+  blur(samples, wide->data());
+  return wide;
 }
 
 }  // namespace point_line_odometry

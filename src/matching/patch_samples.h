@@ -4,39 +4,37 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 
-#include "point_line_odometry/matching.h"
+#include "matching/patch_aligner.h"
 
 namespace point_line_odometry {
 
 /// \file
-/// What patches look like between the pixels, for PatchAligner.
+/// Samples of patches at sub-pixel positions, for PatchAligner.
 ///
-/// A bilinear sample is a mean of pixels: at a share f of the way from one to the next it is
-/// blurred with a variance of f (1 - f) px^2. Patches that are compared lie anywhere between the
-/// pixels, and one that is sharper than another looks as if it were narrower, and its corners
-/// elsewhere. So all but slanted ones, whose pixels lie at all places, are blurred as much as
-/// samples are on the average of all places: with 1/6 px^2 along either axis.
+/// A bilinear sample is a weighted mean of pixels: at a fraction f between two of them it is
+/// blurred with a variance of f (1 - f) px^2. Patches of different sub-pixel positions are blurred
+/// differently, which biases their alignment. So all but slanted ones, whose samples have all
+/// fractions, are blurred to the mean of f (1 - f): 1/6 px^2 along either axis.
 ///
-/// None is sampled if a pixel that is read would lie outside of the image.
+/// No patch is sampled that needs a pixel outside of the image.
 
-/// Largest change of the columns per pixel that sampleSlantedPatch() can follow.
+/// Largest slope that sampleSlantedPatch() supports.
 constexpr float kMaxPatchSlope = 0.7F;
 
-/// The patch round a place. Returns false if it leaves the image.
+/// The patch around a pixel. Returns false if it leaves the image.
 bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, PatchAligner::Patch* values);
 
-/// The patch at the place and with the slope at which it is seen. Returns false if it leaves the
-/// image.
+/// The patch at an aligned position and slope. Returns false if it leaves the image.
 bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen,
                         PatchAligner::Patch* values);
 
-/// The patch round a place with the border that its gradients need.
+/// The patch around a pixel with the border that its gradients need.
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel);
 
-/// The same with its pixels `source_by_target` apart.
+/// The same under an affine warp: Jacobian of the image's pixels by the patch's pixels.
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel,
-                                                       const Eigen::Matrix2f& source_by_target);
+                                                       const Eigen::Matrix2f& warp);
 
 }  // namespace point_line_odometry

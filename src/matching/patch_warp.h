@@ -3,14 +3,15 @@
 #include <Eigen/Geometry>
 #include <optional>
 
-#include "point_line_odometry/matching.h"
+#include "matching/patch_aligner.h"
+#include "matching/stereo_frame.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
 
-/// On the surface at a point whose columns in the right image change by `slope` more than those in
-/// the left one, per pixel right and down: its disparity falls by as much. Zero: it faces the
-/// cameras.
+/// The pixel axes of a plane through p_camera = Z K^-1 (u, v, 1). `slope` is the derivative of the
+/// right column minus the left one by the left pixel, i.e. minus that of the disparity d = fx b /
+/// Z; so dZ = Z / d slope^T d(u, v). Zero for a plane parallel to the images.
 inline PixelAxes pixelAxes(const StereoCamera& camera, const Eigen::Vector3d& p_camera,
                            const Eigen::Vector2f& slope) {
   const double depth_m = p_camera.z();
@@ -22,23 +23,23 @@ inline PixelAxes pixelAxes(const StereoCamera& camera, const Eigen::Vector3d& p_
   return axes;
 }
 
-/// How the image of a small surface changes: pixels of the image in which it was first seen, per
-/// pixel of this camera's image. \param p_camera its place, in front of this camera.
-/// \param axes where one pixel of the first image leads on it, in this camera's frame. Nothing if
-/// it looks so much smaller or larger that the two cannot be compared.
+/// Affine warp of a patch: Jacobian of the pixel in the image that the patch was taken from by the
+/// pixel in this camera's image. \param p_camera centre of the patch, in front of this camera.
+/// \param axes pixel axes of the patch's image, in this camera's frame. Nothing if the patch
+/// appears so much smaller or larger that the two cannot be aligned.
 inline std::optional<Eigen::Matrix2f> patchWarp(const StereoCamera& camera,
                                                 const Eigen::Vector3d& p_camera,
                                                 const PixelAxes& axes) {
-  constexpr double kMinGrowth = 0.4;  // of the area
-  constexpr double kMaxGrowth = 6.0;
+  constexpr double kMinAreaRatio = 0.4;
+  constexpr double kMaxAreaRatio = 6.0;
   const double inverse_z = 1.0 / p_camera.z();
   Eigen::Matrix<double, 2, 3> projection;
   projection << camera.fx, 0.0, -camera.fx * p_camera.x() * inverse_z,  //
       0.0, camera.fy, -camera.fy * p_camera.y() * inverse_z;
-  const Eigen::Matrix2d image_by_patch = inverse_z * projection * axes;
-  const double growth = image_by_patch.determinant();
-  if (!(growth >= kMinGrowth && growth <= kMaxGrowth)) return std::nullopt;
-  return Eigen::Matrix2f(image_by_patch.inverse().cast<float>());
+  const Eigen::Matrix2d warp_image_patch = inverse_z * projection * axes;
+  const double area_ratio = warp_image_patch.determinant();
+  if (!(area_ratio >= kMinAreaRatio && area_ratio <= kMaxAreaRatio)) return std::nullopt;
+  return Eigen::Matrix2f(warp_image_patch.inverse().cast<float>());
 }
 
 /// The same for both images of a stereo pair.
@@ -57,7 +58,7 @@ inline std::optional<StereoWarp> stereoPatchWarp(const StereoCamera& camera,
   return StereoWarp{*left, *right};
 }
 
-/// A patch of one image as both images of a stereo pair should see it.
+/// A patch of one image, warped to both images of a stereo pair.
 struct StereoPatch {
   PatchAligner left;
   PatchAligner right;

@@ -9,15 +9,15 @@
 
 namespace point_line_odometry {
 
-/// Finds the best descriptor among points in a rectangle of the image. The points are kept in the
-/// order of rectangular cells, so that those of a row of cells stand one after another. Pixels
-/// outside go to the border cells.
+/// Finds the nearest descriptors among points in a rectangle of the image. The points are sorted by
+/// rectangular cells, so that those of a row of cells are contiguous. Pixels outside belong to the
+/// border cells.
 class PointGrid {
  public:
   PointGrid(int cell_width_px, int cell_height_px)
       : cell_width_(cell_width_px), cell_height_(cell_height_px) {}
 
-  /// Takes points instead of those that were there. Points are named by their place in the lists.
+  /// Replaces the points. A point is identified by its index in the lists.
   void fill(const std::vector<Eigen::Vector2f>& pixels,
             const std::vector<Descriptor>& descriptors) {
     Eigen::Vector2f extent = Eigen::Vector2f::Zero();
@@ -25,25 +25,26 @@ class PointGrid {
     columns_ = static_cast<int>(extent.x()) / cell_width_ + 1;
     rows_ = static_cast<int>(extent.y()) / cell_height_ + 1;
     begins_.assign(static_cast<std::size_t>(columns_) * rows_ + 2, 0);
-    // Counted two further on: after the sums each cell's begin stands one further on, and moves to
-    // its place while the cell is filled.
+    // Counting sort. Counts are stored two entries further: after the sums each cell's begin is one
+    // entry further, and advances to its own while the cell is filled.
     for (const Eigen::Vector2f& pixel : pixels) ++begins_[cellOf(pixel) + 2];
     for (std::size_t c = 2; c < begins_.size(); ++c) begins_[c] += begins_[c - 1];
     points_.resize(pixels.size());
     descriptors_.resize(pixels.size());
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const int place = begins_[cellOf(pixels[i]) + 1]++;
-      points_[place] = {pixels[i], static_cast<int>(i)};
-      descriptors_[place] = descriptors[i];
+      const int slot = begins_[cellOf(pixels[i]) + 1]++;
+      points_[slot] = {pixels[i], static_cast<int>(i)};
+      descriptors_[slot] = descriptors[i];
     }
   }
 
-  /// The two nearest descriptors among the points in a window that `accept(index, pixel)` takes.
+  /// The two nearest descriptors among the points in a window for which `accept(index, pixel)` is
+  /// true.
   template <typename Accept>
-  BestTwo nearest(const Descriptor& descriptor, const Eigen::AlignedBox2f& window,
-                  Accept&& accept) const {
+  TwoNearest nearest(const Descriptor& descriptor, const Eigen::AlignedBox2f& window,
+                     Accept&& accept) const {
     Batch batch;
-    BestTwo best;
+    TwoNearest best;
     const int first_column = column(window.min().x());
     const int last_column = column(window.max().x());
     for (int r = row(window.min().y()); r <= row(window.max().y()); ++r) {
@@ -51,7 +52,7 @@ class PointGrid {
       for (int k = begins_[r * columns_ + first_column]; k < end; ++k) {
         const Point& point = points_[k];
         if (!window.contains(point.pixel) || !accept(point.index, point.pixel)) continue;
-        batch.places[batch.count++] = k;
+        batch.indices[batch.count++] = k;
         if (batch.count == kBatch) compare(descriptor, &batch, &best);
       }
     }
@@ -67,16 +68,16 @@ class PointGrid {
 
   static constexpr int kBatch = 32;
   struct Batch {
-    std::array<int, kBatch> places;
+    std::array<int, kBatch> indices;
     int count = 0;
   };
 
-  void compare(const Descriptor& descriptor, Batch* batch, BestTwo* best) const {
+  void compare(const Descriptor& descriptor, Batch* batch, TwoNearest* best) const {
     std::array<int, kBatch> distances;
-    hammingDistances(descriptor, descriptors_.data(), batch->places.data(), batch->count,
+    hammingDistances(descriptor, descriptors_.data(), batch->indices.data(), batch->count,
                      distances.data());
     for (int k = 0; k < batch->count; ++k)
-      best->offer(points_[batch->places[k]].index, distances[k]);
+      best->offer(points_[batch->indices[k]].index, distances[k]);
     batch->count = 0;
   }
 

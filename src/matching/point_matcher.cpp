@@ -1,8 +1,9 @@
+#include "matching/point_matcher.h"
+
 #include <cmath>
 
-#include "matching/closed_pairs.h"
+#include "matching/cross_check.h"
 #include "matching/point_grid.h"
-#include "point_line_odometry/matching.h"
 
 namespace point_line_odometry {
 namespace {
@@ -22,24 +23,26 @@ struct PointViews {
   }
 };
 
-PointViews viewsOf(const std::vector<PointFeature>& features) {
+PointViews viewsOf(const std::vector<Keypoint>& features) {
   PointViews views;
   views.reserve(features.size());
-  for (const PointFeature& feature : features) views.add(feature.pixel, feature.descriptor);
+  for (const Keypoint& feature : features) views.add(feature.pixel, feature.descriptor);
   return views;
 }
 
-/// Stereo pairs are looked for in flat windows: a few rows high.
+/// For stereo matching: windows are a few rows high.
+PointGrid emptyRowGrid() { return {32, 4}; }
+
 PointGrid rowGrid(const PointViews& points) {
-  PointGrid grid(32, 4);
+  PointGrid grid = emptyRowGrid();
   grid.fill(points.pixels, points.descriptors);
   return grid;
 }
 
-/// One leg of the circle between frames: for each point of `from`, whose pixels are the expected
-/// ones, the best of `to` in a disc, or -1.
-std::vector<int> bestInDiscs(const PointViews& from, const PointViews& to, double radius_px,
-                             const MatchingParameters& parameters) {
+/// One match of the circle between frames: for each point of `from`, at its predicted pixel, the
+/// nearest descriptor of `to` within the search radius that passes the ratio test, or -1.
+std::vector<int> bestInRadius(const PointViews& from, const PointViews& to, double radius_px,
+                              const MatchingParameters& parameters) {
   PointGrid grid(16, 16);
   grid.fill(to.pixels, to.descriptors);
   const auto radius = static_cast<float>(radius_px);
@@ -47,16 +50,16 @@ std::vector<int> bestInDiscs(const PointViews& from, const PointViews& to, doubl
   std::vector<int> partners(from.pixels.size(), -1);
   for (std::size_t i = 0; i < from.pixels.size(); ++i) {
     const Eigen::Vector2f& centre = from.pixels[i];
-    const BestTwo best = grid.nearest(from.descriptors[i], {centre - reach, centre + reach},
-                                      [&](int, const Eigen::Vector2f& pixel) {
-                                        return (pixel - centre).squaredNorm() <= radius * radius;
-                                      });
+    const TwoNearest best = grid.nearest(from.descriptors[i], {centre - reach, centre + reach},
+                                         [&](int, const Eigen::Vector2f& pixel) {
+                                           return (pixel - centre).squaredNorm() <= radius * radius;
+                                         });
     partners[i] = best.accepted(parameters.max_point_distance, parameters.max_distance_ratio);
   }
   return partners;
 }
 
-/// Stereo points as the two images see them.
+/// Stereo points, by image.
 struct StereoPointViews {
   PointViews left;
   PointViews right;
@@ -70,13 +73,13 @@ struct StereoPointViews {
 /// Stereo pairs of points of one frame.
 class StereoPointSearch {
  public:
-  StereoPointSearch(const std::vector<PointFeature>& left, const std::vector<PointFeature>& right,
-                    const MatchingParameters& parameters)
-      : left_(left),
-        right_(right),
-        parameters_(parameters),
-        left_grid_(rowGrid(viewsOf(left))),
-        right_grid_(rowGrid(viewsOf(right))) {}
+  StereoPointSearch(const std::vector<Keypoint>& left, const std::vector<Keypoint>& right,
+                    const MatchingParameters& parameters, ThreadPool* threads)
+      : left_(left), right_(right), parameters_(parameters) {
+    runBoth(
+        threads, [&] { left_grid_ = rowGrid(viewsOf(left)); },
+        [&] { right_grid_ = rowGrid(viewsOf(right)); });
+  }
 
   /// Appends the pairs of the left points begin ... end - 1.
   void match(std::size_t begin, std::size_t end, std::vector<IndexPair>* pairs) const {
@@ -89,12 +92,12 @@ class StereoPointSearch {
   }
 
  private:
-  int best(const PointFeature& from, const std::vector<PointFeature>& to, const PointGrid& grid,
+  int best(const Keypoint& from, const std::vector<Keypoint>& to, const PointGrid& grid,
            bool to_right) const {
     const auto nearest = static_cast<float>(parameters_.max_disparity_px);
     const auto rows = static_cast<float>(parameters_.max_row_difference_px);
-    // Points at infinity, too, which whole pixels show at 1, 0 or -1: were one not looked for
-    // there, another that looks like it would take its place.
+    // Down to -1, as points at infinity have a rounded disparity of 1, 0 or -1: without their
+    // correct match they would be matched with a similar point.
     constexpr float farthest = -1.0F;
     const Eigen::Vector2f& p = from.pixel;
     const float low = to_right ? p.x() - nearest : p.x() + farthest;
@@ -109,21 +112,21 @@ class StereoPointSearch {
         .accepted(parameters_.max_point_distance, parameters_.max_distance_ratio);
   }
 
-  const std::vector<PointFeature>& left_;
-  const std::vector<PointFeature>& right_;
+  const std::vector<Keypoint>& left_;
+  const std::vector<Keypoint>& right_;
   const MatchingParameters& parameters_;
-  PointGrid left_grid_;
-  PointGrid right_grid_;
+  PointGrid left_grid_ = emptyRowGrid();
+  PointGrid right_grid_ = emptyRowGrid();
 };
 
 }  // namespace
 
-std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
-                                         const std::vector<PointFeature>& right,
+std::vector<IndexPair> matchPointsStereo(const std::vector<Keypoint>& left,
+                                         const std::vector<Keypoint>& right,
                                          const MatchingParameters& parameters,
                                          ThreadPool* threads) {
-  const StereoPointSearch search(left, right, parameters);
-  std::vector<std::vector<IndexPair>> parts(static_cast<std::size_t>(threads->numThreads()));
+  const StereoPointSearch search(left, right, parameters, threads);
+  std::vector<std::vector<IndexPair>> parts(static_cast<std::size_t>(threads->numParts()));
   threads->runParts(left.size(), [&](int part, std::size_t begin, std::size_t end) {
     search.match(begin, end, &parts[static_cast<std::size_t>(part)]);
   });
@@ -135,7 +138,8 @@ std::vector<IndexPair> matchPointsStereo(const std::vector<PointFeature>& left,
 
 std::vector<IndexPair> matchExpectedPoints(const std::vector<ExpectedPoint>& expected,
                                            const StereoFrame& curr, double radius_px,
-                                           const MatchingParameters& parameters) {
+                                           const MatchingParameters& parameters,
+                                           ThreadPool* threads) {
   StereoPointViews from;
   from.reserve(expected.size());
   for (const ExpectedPoint& point : expected) {
@@ -145,23 +149,27 @@ std::vector<IndexPair> matchExpectedPoints(const std::vector<ExpectedPoint>& exp
   StereoPointViews seen;
   seen.reserve(curr.points.size());
   for (const StereoPoint& point : curr.points) {
-    const PointFeature& left = curr.features.points_left[point.left];
-    const PointFeature& right = curr.features.points_right[point.right];
+    const Keypoint& left = curr.features.points_left[point.left];
+    const Keypoint& right = curr.features.points_right[point.right];
     seen.left.add(left.pixel, left.descriptor);
     seen.right.add(right.pixel, right.descriptor);
   }
 
-  // r(k-1) -> r(k); the stereo pair leads on to l(k); then l(k) -> l(k-1).
-  const std::vector<int> forward = bestInDiscs(from.right, seen.right, radius_px, parameters);
-  const std::vector<int> backward = bestInDiscs(seen.left, from.left, radius_px, parameters);
-  return closedPairs(forward, backward);
+  // r(k-1) -> r(k); the stereo match r(k) -> l(k); then l(k) -> l(k-1).
+  std::vector<int> forward;
+  std::vector<int> backward;
+  runBoth(
+      threads, [&] { forward = bestInRadius(from.right, seen.right, radius_px, parameters); },
+      [&] { backward = bestInRadius(seen.left, from.left, radius_px, parameters); });
+  return crossCheck(forward, backward);
 }
 
 std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const StereoFrame& curr,
                                            const StereoCamera& camera,
                                            const MotionPrediction& prediction,
-                                           const MatchingParameters& parameters) {
-  // Points of k-1 that are expected in the images of frame k, and where.
+                                           const MatchingParameters& parameters,
+                                           ThreadPool* threads) {
+  // Points of k-1 predicted in the images of frame k.
   const auto margin = static_cast<float>(prediction.radius_px);
   const Eigen::AlignedBox2f view(Eigen::Vector2f(-margin, -margin),
                                  Eigen::Vector2f(static_cast<float>(camera.width) + margin,
@@ -181,7 +189,7 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
                         prev.features.points_right[point.right].descriptor});
   }
   std::vector<IndexPair> pairs =
-      matchExpectedPoints(expected, curr, prediction.radius_px, parameters);
+      matchExpectedPoints(expected, curr, prediction.radius_px, parameters, threads);
   for (IndexPair& pair : pairs) pair.first = prev_index[pair.first];
   return pairs;
 }

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <vector>
 
-#include "point_line_odometry/features.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
-/// Looks up segments by a box: each is registered in the square cells that it crosses. Cells
-/// outside belong to the border.
+/// Finds segments by a box: each is registered in the square cells that it crosses. Pixels outside
+/// belong to the border cells.
 class SegmentGrid {
  public:
   explicit SegmentGrid(const std::vector<LineSegment>& segments) : seen_(segments.size(), 0) {
@@ -19,7 +19,7 @@ class SegmentGrid {
       high = high.cwiseMax(segment.start).cwiseMax(segment.end);
     columns_ = cell(high.x()) + 1;
     rows_ = cell(high.y()) + 1;
-    // Counted two further on: each cell's begin moves to its place while the cell is filled.
+    // Counting sort as in PointGrid::fill().
     begins_.assign(static_cast<std::size_t>(columns_) * rows_ + 2, 0);
     for (const LineSegment& segment : segments)
       forEachCell(segment, [&](std::size_t c) { ++begins_[c + 2]; });
@@ -55,7 +55,7 @@ class SegmentGrid {
   int clampColumn(float u) const { return std::clamp(cell(u), 0, columns_ - 1); }
   int clampRow(float v) const { return std::clamp(cell(v), 0, rows_ - 1); }
 
-  /// Cells along a segment, hardly one twice.
+  /// The cells along a segment; some may be visited twice.
   template <typename Visit>
   void forEachCell(const LineSegment& segment, Visit&& visit) const {
     const int steps = static_cast<int>(segment.length() / (0.5F * kCellPx)) + 1;

@@ -2,18 +2,30 @@
 
 #include <Eigen/Geometry>
 
-#include "point_line_odometry/motion.h"
+#include "motion/correspondence.h"
+#include "motion/motion_estimator.h"
+#include "point_line_odometry/parameters.h"
 
 namespace point_line_odometry {
 
-/// As estimateMotion(), but stands things that fill most of the view and move by themselves. Where
-/// the motion that most matches agree on is further from the predicted one than a camera can have
-/// changed it within `dt_s`, the matches that lie where the prediction puts them are asked: theirs
-/// is the camera's if it is plausible. \param T_curr_prev_predicted from a velocity that was
-/// measured.
+/// A motion predicted from an estimated velocity.
+struct ConstantVelocityMotion {
+  Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Zero();  ///< by that of the velocity, as MotionEstimate's
+  double dt_s = 0.0;
+};
+
+/// Whether a motion that was estimated differs from the predicted one by no more than a camera's
+/// acceleration and the noise of both explain.
+bool isPlausible(const MotionEstimate& motion, const ConstantVelocityMotion& predicted);
+
+/// As estimateMotion(), but robust to independently moving objects that fill most of the view. If
+/// the motion of the majority of matches is not plausible, the motion is estimated from the matches
+/// near the prediction only, and returned if it is plausible.
 MotionEstimate estimateCameraMotion(const Correspondences& correspondences,
                                     const StereoCamera& camera,
-                                    const Eigen::Isometry3d& T_curr_prev_predicted, double dt_s,
-                                    const MotionParameters& parameters);
+                                    const ConstantVelocityMotion& predicted,
+                                    const MotionParameters& parameters,
+                                    ThreadPool* threads = nullptr);
 
 }  // namespace point_line_odometry

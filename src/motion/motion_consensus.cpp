@@ -12,9 +12,9 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kMaxErrorPx = 3.0;  // of an inlier, in each coordinate: pixels are whole here
+constexpr double kMaxErrorPx = 3.0;  // of an inlier, in each coordinate: keypoints are not aligned
 constexpr int kMaxSamples = 1000;
-constexpr double kConfidence = 0.999;  // that one of the samples has inliers only
+constexpr double kConfidence = 0.999;  // that one of the samples is free of outliers
 constexpr int kSampleSize = 3;
 
 using Sample = std::array<int, kSampleSize>;
@@ -31,7 +31,7 @@ Sample drawSample(std::mt19937* generator, int size) {
   return sample;
 }
 
-/// The motions, at most four, that three matches allow.
+/// The solutions of P3P, at most four.
 std::vector<Eigen::Isometry3d> solveThree(const std::vector<PointCorrespondence>& matches,
                                           const StereoCamera& camera, const Sample& sample) {
   std::vector<cv::Point3d> points;
@@ -62,11 +62,12 @@ bool agrees(const PointCorrespondence& match, const StereoCamera& camera,
   const Eigen::Vector3d p = T_curr_prev * match.p_prev;
   if (!(p.z() > 0.1 * camera.baseline_m)) return false;
   const Eigen::Array2d error_px = camera.projectLeft(p) - match.left_px;
-  return (error_px.abs() <= kMaxErrorPx).all() &&  // false for what is not a number
-         std::abs(camera.projectRight(p).x() - match.right_px.x()) <= kMaxErrorPx;
+  const double max_error_px = kMaxErrorPx * match.sigma_px;
+  return (error_px.abs() <= max_error_px).all() &&  // false for NaN
+         std::abs(camera.projectRight(p).x() - match.right_px.x()) <= max_error_px;
 }
 
-/// Samples after which one without an outlier was very likely among them.
+/// Number of samples of which one is free of outliers with probability kConfidence.
 double samplesNeeded(int inliers, int size) {
   const double all_inliers = std::pow(static_cast<double>(inliers) / size, kSampleSize);
   return std::log(1.0 - kConfidence) / std::log1p(-std::min(all_inliers, 1.0 - 1e-12));

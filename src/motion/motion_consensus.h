@@ -4,21 +4,21 @@
 #include <optional>
 #include <vector>
 
-#include "point_line_odometry/motion.h"
+#include "motion/correspondence.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
 
-/// The motion on which most of some matches agree, of which most may be wrong.
+/// The motion with the most inliers among matches that may be mostly wrong.
 struct MotionConsensus {
   Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
   std::vector<bool> inliers;  ///< one per match
   int num_inliers = 0;
 };
 
-/// Looks for it by random samples of three matches (RANSAC, Fischler and Bolles 1981; P3P), scored
-/// by the reprojection in both images. The same matches give the same motion. Nothing if it has
-/// fewer than kMinConsensus inliers: wrong matches alone do not agree so often.
+/// Estimates it by RANSAC (Fischler and Bolles 1981) over P3P of three matches, scored by the
+/// reprojection errors in both images. The same matches give the same motion. Nothing if it has
+/// fewer than kMinConsensus inliers: wrong matches rarely reach that number.
 std::optional<MotionConsensus> findConsensus(const std::vector<PointCorrespondence>& matches,
                                              const StereoCamera& camera);
 

@@ -1,30 +1,38 @@
 #pragma once
 
-#include <ceres/cost_function.h>
 #include <ceres/sized_cost_function.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <optional>
+#include <type_traits>
+#include <utility>
 
-#include "geometry/skew.h"
+#include "common/thread_pool.h"
+#include "geometry/se3.h"
+#include "motion/prior_factor.h"
 #include "motion/weighted_matches.h"
 
 namespace point_line_odometry {
 
-/// The motion T_curr_prev as the solver sees it: rotation vector [rad] and translation [m], two
-/// blocks of three, so that the rotation can be held while the translation is solved for.
+/// The parameter blocks of the motion T_curr_prev: rotation vector [rad] and translation [m], so
+/// that the rotation can be fixed while the translation is estimated.
 struct MotionVector {
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 
   static MotionVector from(const Eigen::Isometry3d& T_curr_prev);
   Eigen::Isometry3d toIsometry() const;
+
+  /// Derivative of a perturbation (exp(rotation) R, t + translation) of the motion by its
+  /// parameters.
+  Matrix6d perturbationByParameters() const;
 };
 
-/// Left Jacobian of the rotation: exp(w + dw) = exp(J dw) exp(w).
-Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& w);
-
-/// Factor g(s) by which a residual with the square norm s is scaled so that its square is Huber's
-/// function of it, and twice the derivative of g by s.
+/// Factor g(s) that scales a residual of squared norm s so that its square is Huber's function
+/// rho(s), and twice the derivative of g by s.
 struct HuberScale {
   double scale = 1.0;
   double twice_derivative = 0.0;
@@ -32,96 +40,125 @@ struct HuberScale {
   HuberScale(double squared_norm, double delta);
 };
 
-/// Holds a block of the motion near where the solver starts, with a standard deviation of one unit
-/// [rad, m]: along an axis that the matches do not show, it would run away. Next to what they do
-/// say, this is nothing. (Not ceres::NormalPrior: it allocates in Ceres' library what the caller's
-/// code frees, and Eigen's way of doing either depends on how each of them was compiled.)
-class NearStart : public ceres::SizedCostFunction<3, 3> {
- public:
-  explicit NearStart(const Eigen::Vector3d& start) : start_(start) {}
+/// The normal equations of a cost: of residuals r with the Jacobian J by six parameters.
+struct MotionEquations {
+  double squares = 0.0;                     ///< r^T r
+  Vector6d gradient = Vector6d::Zero();     ///< J^T r
+  Matrix6d information = Matrix6d::Zero();  ///< J^T J
 
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    Eigen::Map<Eigen::Vector3d> residual(residuals);
-    residual = Eigen::Map<const Eigen::Vector3d>(parameters[0]) - start_;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      Eigen::Map<Eigen::Matrix3d>(jacobians[0]).setIdentity();
-    }
-    return true;
-  }
+  MotionEquations& operator+=(const MotionEquations& other);
 
- private:
-  Eigen::Vector3d start_;
+  /// The equations by other parameters. \param J derivative of these by the others.
+  MotionEquations byParameters(const Matrix6d& J) const;
 };
 
-/// All weighted residuals of a frame as one cost of the solver, each under a Huber kernel (paper,
-/// eq. 7-8). One cost instead of hundreds: the solver's own work per cost would take longer than
-/// the residuals.
+/// The sum of all whitened residuals of a frame, each with a Huber loss (paper, eq. 7-8).
 template <ResidualImages kImages>
-class MotionCost : public ceres::CostFunction {
+class MotionCost {
  public:
   using Points = WeightedMatches<PointResidual<kImages>>;
   using Lines = WeightedMatches<LineResidual<kImages>>;
 
-  /// \param points and \param lines must outlive this, and not change meanwhile.
-  MotionCost(const Points& points, const Lines& lines, double huber_delta)
-      : points_(points), lines_(lines), huber_delta_(huber_delta) {
-    set_num_residuals(points.rows() + lines.rows());
-    *mutable_parameter_block_sizes() = {3, 3};
+  /// The matches are summed up in this number of parts, whatever the number of threads: the order
+  /// of the sums is always the same.
+  static constexpr int kParts = 4;
+
+  /// \param points and \param lines must outlive this and stay unchanged.
+  /// \param threads sum up the parts; null: the thread that calls.
+  MotionCost(const Points& points, const Lines& lines, double huber_delta,
+             ThreadPool* threads = nullptr)
+      : points_(points), lines_(lines), huber_delta_(huber_delta), threads_(threads) {}
+
+  /// Nothing if a landmark gets behind the camera: the solver takes a smaller step.
+  std::optional<MotionEquations> operator()(const MotionVector& motion) const {
+    const Eigen::Isometry3d T_curr_prev = motion.toIsometry();
+    std::array<MotionEquations, kParts> parts;
+    std::array<bool, kParts> valid;
+    const auto sum = [&](int part) {
+      MotionEquations equations;
+      valid[part] = forEachResidual(T_curr_prev, part, [&](const auto& r, const auto& J) {
+        equations.squares += r.squaredNorm();
+        equations.gradient.noalias() += J.transpose() * r;
+        equations.information.noalias() += J.transpose() * J;
+      });
+      parts[part] = equations;
+    };
+    if (threads_ == nullptr) {
+      for (int part = 0; part < kParts; ++part) sum(part);
+    } else {
+      threads_->run(kParts, sum);
+    }
+    if (std::count(valid.begin(), valid.end(), false) > 0) return std::nullopt;
+    MotionEquations all;
+    for (const MotionEquations& part : parts) all += part;
+    return all.byParameters(motion.perturbationByParameters());
   }
 
-  /// False if a landmark gets behind the camera: the solver takes a smaller step.
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const MotionVector motion{Eigen::Map<const Eigen::Vector3d>(parameters[0]),
-                              Eigen::Map<const Eigen::Vector3d>(parameters[1])};
-    const Eigen::Isometry3d T_curr_prev = motion.toIsometry();
-    Rows rows{residuals, jacobians == nullptr ? nullptr : jacobians[0],
-              jacobians == nullptr ? nullptr : jacobians[1], leftJacobian(motion.rotation)};
-    const auto write = [&](const auto& residual, const auto& weight, const auto&) {
-      writeRows(residual, weight, &rows);
+  /// Calls visit(r, J) for the residual of each active match of a part after the loss; J is by a
+  /// perturbation (exp(rotation) R, t + translation) of T_curr_prev. False as soon as one is not
+  /// valid.
+  template <typename Visit>
+  bool forEachResidual(const Eigen::Isometry3d& T_curr_prev, int part, Visit&& visit) const {
+    const auto robust = [&](const auto& residual, const auto& sqrt_information, const auto&) {
+      using Residual = std::decay_t<decltype(residual)>;
+      const Eigen::Matrix<double, Residual::kRows, 1> whitened = sqrt_information * residual.value;
+      const HuberScale huber(whitened.squaredNorm(), huber_delta_);
+      typename Residual::JacobianByMotion J = sqrt_information * residual.jacobianByMotion();
+      if (huber.scale < 1.0) {
+        J = (huber.scale * J + huber.twice_derivative * whitened * (whitened.transpose() * J))
+                .eval();
+      }
+      visit((huber.scale * whitened).eval(), J);
     };
-    return points_.forEachActive(T_curr_prev, write) && lines_.forEachActive(T_curr_prev, write);
+    const auto visitPart = [&](const auto& matches) {
+      const auto bound = [&](int k) {
+        return matches.size() * static_cast<std::size_t>(k) / kParts;
+      };
+      return matches.forEachActive(T_curr_prev, bound(part), bound(part + 1), robust);
+    };
+    return visitPart(points_) && visitPart(lines_);
   }
 
  private:
-  /// Where the next residual and its derivatives are written (row-major, three columns).
-  struct Rows {
-    double* residual;
-    double* by_rotation;
-    double* by_translation;
-    Eigen::Matrix3d left_jacobian;
-  };
-
-  template <typename Residual, typename Weight>
-  void writeRows(const Residual& residual, const Weight& weight, Rows* rows) const {
-    constexpr int kRows = Residual::kRows;
-    using Vector = Eigen::Matrix<double, kRows, 1>;
-    using Jacobian = Eigen::Matrix<double, kRows, 3, Eigen::RowMajor>;
-    const Vector whitened = weight * residual.value;
-    const HuberScale huber(whitened.squaredNorm(), huber_delta_);
-    Eigen::Map<Vector>(rows->residual) = huber.scale * whitened;
-    rows->residual += kRows;
-    const auto robust = [&](const Jacobian& J) -> Jacobian {
-      return huber.scale * J + huber.twice_derivative * whitened * (whitened.transpose() * J);
-    };
-    if (rows->by_rotation == nullptr && rows->by_translation == nullptr) return;
-    const Eigen::Matrix<double, kRows, 6> by_motion = weight * residual.byMotion();
-    if (rows->by_rotation != nullptr) {
-      const Jacobian J = by_motion.template leftCols<3>() * rows->left_jacobian;
-      Eigen::Map<Jacobian>(rows->by_rotation) = robust(J);
-      rows->by_rotation += 3 * kRows;
-    }
-    if (rows->by_translation != nullptr) {
-      const Jacobian J = by_motion.template rightCols<3>();
-      Eigen::Map<Jacobian>(rows->by_translation) = robust(J);
-      rows->by_translation += 3 * kRows;
-    }
-  }
-
   const Points& points_;
   const Lines& lines_;
   double huber_delta_;
+  ThreadPool* threads_;
+};
+
+/// A cost of the motion and a weak prior as seven residuals, with the same cost, gradient and
+/// normal equations J^T J: one cost function instead of hundreds, as Ceres' overhead per residual
+/// block would exceed the cost of the residuals. With J^T J = L L^T they are L^-1 J^T r, of
+/// Jacobian L^T, and a constant. The prior about the initial motion, with a standard deviation of
+/// one unit [rad, m], bounds axes that the matches do not constrain, and is negligible on the
+/// others. The factor of a MotionPrior adds to the sums.
+class ReducedMotionCost : public ceres::SizedCostFunction<7, 3, 3> {
+ public:
+  /// Nothing where the cost cannot be evaluated.
+  using Cost = std::function<std::optional<MotionEquations>(const MotionVector&)>;
+
+  /// \param prior (null: none) must outlive this.
+  ReducedMotionCost(Cost cost, const MotionVector& start, const PriorFactor* prior = nullptr)
+      : cost_(std::move(cost)), start_(start), prior_(prior) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override;
+
+ private:
+  struct Linearization {
+    MotionVector motion;
+    Eigen::Matrix<double, 7, 1> residual;
+    Matrix6d jacobian;  // of the first six residuals
+  };
+
+  bool linearize(const MotionVector& motion) const;
+  MotionEquations ofPriors(const MotionVector& motion) const;
+
+  Cost cost_;
+  MotionVector start_;
+  const PriorFactor* prior_;
+  // The last one: the solver asks for the cost of a step first, for its Jacobian if it takes it.
+  mutable std::optional<Linearization> last_;
 };
 
 }  // namespace point_line_odometry

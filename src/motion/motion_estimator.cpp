@@ -1,3 +1,5 @@
+#include "motion/motion_estimator.h"
+
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
@@ -8,9 +10,9 @@
 #include <optional>
 #include <vector>
 
-#include "geometry/skew.h"
+#include "geometry/se3.h"
 #include "motion/motion_cost.h"
-#include "point_line_odometry/motion.h"
+#include "motion/motion_covariance.h"
 
 namespace point_line_odometry {
 namespace {
@@ -19,110 +21,56 @@ namespace {
 constexpr double kCoarseTolerance = 1e-5;
 constexpr double kFineTolerance = 1e-6;
 
-// The weights of matches are taken to be true until the residuals outnumber so many that are.
-constexpr double kWeightsTrusted = 20.0;
+// Iterations of the solver at most: with 100 of them all figures of the test sequences are equal.
+constexpr int kMaxIterations = 20;
 
-// What all disparities may be wrong by together: as much as is allowed for where the calibration is
-// refined. It does not average out over a frame's points.
-constexpr double kCalibrationPx = 0.05;
+// Far points are shifted by a translation that was found before. If that was wrong by more than
+// twice the noise of a pixel, at the largest disparity of a far point, it is solved again until the
+// shift has settled.
+constexpr double kWrongShiftPx = 0.25;
+constexpr double kSettledShiftPx = 0.02;
+constexpr int kMaxRounds = 30;
 
-// Matches so near to a prediction are where it puts them.
+// Largest reprojection error of matches that agree with the prediction.
 constexpr double kPredictedPx = 2.0;
 
-/// The normal matrix by (rotation, translation) of the solver's perturbation, and its share from
-/// each part of the left image.
-class ImageInformation {
- public:
-  explicit ImageInformation(const StereoCamera& camera) : part_px_(camera.width / kColumns) {}
+// Of the matches, the share for which those near the prediction must suffice (motion/min_inliers,
+// motion/min_inlier_ratio): the others may belong to something that moves otherwise.
+constexpr double kMinorityShare = 0.5;
 
-  void add(const Eigen::Vector2d& left_px, const Matrix6d& information) {
-    whole += information;
-    const Eigen::Vector2i part = (left_px / part_px_).array().floor().cast<int>();
-    const auto at = std::find_if(parts_.begin(), parts_.end(),
-                                 [&](const Part& known) { return known.place == part; });
-    if (at != parts_.end()) {
-      at->information += information;
-    } else {
-      parts_.push_back({part, information});
-    }
-  }
-
-  /// Without the part that has the most influence on the motion (the trace of its hat matrix). What
-  /// hangs on one place alone is not checked by anything: a match there that is wrong, and others
-  /// of the same thing with it, agrees with the motion that it makes up.
-  Matrix6d checked() const {
-    if (parts_.empty()) return whole;
-    const Matrix6d covariance = invert(whole);
-    const auto influence = [&](const Part& part) {
-      return covariance.cwiseProduct(part.information).sum();
-    };
-    const auto most =
-        std::max_element(parts_.begin(), parts_.end(),
-                         [&](const Part& a, const Part& b) { return influence(a) < influence(b); });
-    return whole - most->information;
-  }
-
-  /// The inverse; directions that nothing measures get a huge but finite variance.
-  static Matrix6d invert(const Matrix6d& information) {
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
-    const double floor = std::max(1e-12 * eigen.eigenvalues().maxCoeff(), 1e-12);
-    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
-           eigen.eigenvectors().transpose();
-  }
-
-  Matrix6d whole = Matrix6d::Zero();
-
- private:
-  static constexpr double kColumns = 8.0;  // parts across the image; they are square
-
-  struct Part {
-    Eigen::Vector2i place;
-    Matrix6d information;
-  };
-
-  double part_px_;
-  std::vector<Part> parts_;
-};
-
-Eigen::Vector2d placeOf(const PointCorrespondence& point) { return point.left_px; }
-Eigen::Vector2d placeOf(const LineCorrespondence& line) {
+Eigen::Vector2d pixelOf(const PointCorrespondence& point) { return point.left_px; }
+Eigen::Vector2d pixelOf(const LineCorrespondence& line) {
   return 0.5 * (line.left_start_px + line.left_end_px);
 }
 
-/// What the residuals amount to.
-struct Statistics {
-  explicit Statistics(const StereoCamera& camera) : information(camera) {}
-
-  ImageInformation information;
-  Vector6d by_disparity = Vector6d::Zero();  // what an error of all disparities adds to J^T r [px]
-  double pulls = 0.0;                        // squares of the residuals times their Huber weights
-  double weights = 0.0;                      // these weights, for each row
-  double stiffnesses = 0.0;  // how much a pull changes with its residual, for each row
-  double squares_px = 0.0;
-  int rows = 0;
-  ResidualHistogram points;
-  ResidualHistogram lines;
-};
-
-/// The least-squares problem of one frame: its matches and their weights, and its solution.
+/// The least-squares problem of one frame: its matches, their square-root information, and the
+/// solver.
 template <ResidualImages kImages>
 class MotionProblem {
  public:
   MotionProblem(const Correspondences& correspondences, const StereoCamera& camera,
-                const MotionParameters& parameters)
+                const MotionParameters& parameters, ThreadPool* threads,
+                const PriorFactor* prior = nullptr)
       : parameters_(parameters),
         camera_(camera),
+        threads_(threads),
+        prior_(prior),
         points_(correspondences.points, camera),
         lines_(correspondences.lines, camera) {}
 
   int numPoints() const { return points_.count(); }
   int numLines() const { return lines_.count(); }
+  int numNear() const { return points_.countNear() + lines_.countNear(); }
+  double expectedRightNear(const Eigen::Isometry3d& T_curr_prev) const {
+    return points_.expectedRightNear(T_curr_prev, parameters_.outlier_threshold) +
+           lines_.expectedRightNear(T_curr_prev, parameters_.outlier_threshold);
+  }
   const std::vector<bool>& pointActive() const { return points_.active(); }
   const std::vector<bool>& lineActive() const { return lines_.active(); }
 
-  void linearizeWeights(const Eigen::Isometry3d& T_curr_prev) {
-    points_.linearizeWeights(T_curr_prev, parameters_.use_triangulation_covariance);
-    lines_.linearizeWeights(T_curr_prev, parameters_.use_triangulation_covariance);
+  void linearizeInformation(const Eigen::Isometry3d& T_curr_prev) {
+    points_.linearizeInformation(T_curr_prev, parameters_.use_triangulation_covariance);
+    lines_.linearizeInformation(T_curr_prev, parameters_.use_triangulation_covariance);
   }
 
   void selectInliers(const Eigen::Isometry3d& T_curr_prev) {
@@ -130,138 +78,143 @@ class MotionProblem {
     lines_.selectInliers(T_curr_prev, parameters_.outlier_threshold);
   }
 
-  /// Takes all that have a weight.
+  /// Activates all matches that have a square-root information.
   void selectAll() {
     points_.selectAll();
     lines_.selectAll();
   }
 
-  /// Takes the matches that are seen within a distance from where a motion puts them.
+  /// Activates the matches with reprojection errors below a limit at a motion.
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     points_.selectNear(T_curr_prev, max_distance_px);
     lines_.selectNear(T_curr_prev, max_distance_px);
   }
 
-  struct Solution {
+  /// Drops the matches that constrain the translation.
+  void dropNear() {
+    points_.dropNear();
+    lines_.dropNear();
+  }
+
+  struct SolveResult {
     bool usable = false;
     Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
     int iterations = 0;
   };
 
   struct SolveOptions {
-    bool hold_rotation = false;
+    bool fix_rotation = false;
     double function_tolerance =
         kFineTolerance;  // relative change of the cost at which the solver stops
   };
 
-  /// Levenberg-Marquardt from a start.
-  Solution solve(const Eigen::Isometry3d& T_curr_prev, const SolveOptions& solve_options) const {
+  /// Levenberg-Marquardt from an initial motion.
+  SolveResult solve(const Eigen::Isometry3d& T_curr_prev, const SolveOptions& solve_options) const {
     MotionVector motion = MotionVector::from(T_curr_prev);
-    MotionCost<kImages> cost(points_, lines_, parameters_.huber_delta);
+    const MotionCost<kImages> cost(points_, lines_, parameters_.huber_delta, threads_);
     ceres::Problem::Options problem_options;
     problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(problem_options);
-    problem.AddResidualBlock(&cost, nullptr, motion.rotation.data(), motion.translation.data());
-    NearStart near_rotation(motion.rotation);
-    NearStart near_translation(motion.translation);
-    problem.AddResidualBlock(&near_rotation, nullptr, motion.rotation.data());
-    problem.AddResidualBlock(&near_translation, nullptr, motion.translation.data());
-    if (solve_options.hold_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
+    ReducedMotionCost reduced(cost, motion, prior_);
+    problem.AddResidualBlock(&reduced, nullptr, motion.rotation.data(), motion.translation.data());
+    if (solve_options.fix_rotation) problem.SetParameterBlockConstant(motion.rotation.data());
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    options.max_num_iterations = parameters_.max_iterations;
+    options.max_num_iterations = kMaxIterations;
     options.function_tolerance = solve_options.function_tolerance;
     options.num_threads = 1;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
-    Solution solution;
-    solution.T_curr_prev = motion.toIsometry();
-    solution.usable = summary.IsSolutionUsable() && solution.T_curr_prev.matrix().allFinite();
-    solution.iterations = static_cast<int>(summary.iterations.size()) - 1;
-    return solution;
+    SolveResult result;
+    result.T_curr_prev = motion.toIsometry();
+    result.usable = summary.IsSolutionUsable() && result.T_curr_prev.matrix().allFinite();
+    result.iterations = static_cast<int>(summary.iterations.size()) - 1;
+    return result;
   }
 
-  Statistics statistics(const Eigen::Isometry3d& T_curr_prev) const {
-    Statistics statistics(camera_);
-    const auto add = [&](const auto& residual, const auto& weight, const auto& match,
+  const PriorFactor* prior() const { return prior_; }
+  const StereoCamera& camera() const { return camera_; }
+
+  ResidualStatistics statistics(const Eigen::Isometry3d& T_curr_prev) const {
+    ResidualStatistics statistics(camera_);
+    const auto add = [&](const auto& residual, const auto& sqrt_information, const auto& match,
                          ResidualHistogram* histogram) {
-      const auto whitened = (weight * residual.value).eval();
+      const auto whitened = (sqrt_information * residual.value).eval();
       const double norm = whitened.norm();
       const double huber_weight =
           norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
-      const auto J = (weight * residual.byMotion()).eval();
-      statistics.information.add(placeOf(match), huber_weight * J.transpose() * J);
+      const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
+      statistics.information.add(pixelOf(match),
+                                 {huber_weight * J.transpose() * J,
+                                  huber_weight * shiftOfFar(residual, sqrt_information, match)});
       const auto rows = static_cast<int>(residual.value.size());
-      statistics.pulls += huber_weight * huber_weight * norm * norm;
-      statistics.weights += huber_weight * rows;
-      statistics.stiffnesses += huber_weight * (huber_weight < 1.0 ? rows - 1 : rows);
       statistics.squares_px += residual.value.squaredNorm();
       statistics.rows += rows;
       for (Eigen::Index i = 0; i < whitened.size(); ++i) histogram->add(whitened[i]);
+      if (!isFar(match)) {
+        statistics.sum_psi2 += huber_weight * huber_weight * norm * norm;
+        statistics.sum_weights += huber_weight * rows;
+        statistics.sum_psi_derivative += huber_weight * (huber_weight < 1.0 ? rows - 1 : rows);
+        statistics.weighted_rows += rows;
+      }
+      return (huber_weight * J).eval();
     };
-    points_.forEachActive(T_curr_prev,
-                          [&](const auto& residual, const auto& weight, const auto& match) {
-                            add(residual, weight, match, &statistics.points);
-                            addDisparityError(residual, weight, match, &statistics.by_disparity);
-                          });
-    lines_.forEachActive(T_curr_prev,
-                         [&](const auto& residual, const auto& weight, const auto& match) {
-                           add(residual, weight, match, &statistics.lines);
-                         });
+    std::vector<PatchJacobian> patches;
+    points_.forEachActive(
+        T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
+          const auto J = add(residual, sqrt_information, match, &statistics.points);
+          if (match.patch_px > 0.0) patches.push_back({match.left_px, match.patch_px, J});
+          addDisparityError(residual, sqrt_information, match, &statistics.J_disparity);
+        });
+    lines_.forEachActive(
+        T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
+          add(residual, sqrt_information, match, &statistics.lines);
+        });
+    statistics.information.addCorrelations(std::move(patches));
     return statistics;
   }
 
  private:
-  /// An error of the calibration that makes every disparity larger: points seem nearer, and their
-  /// right pixels now lie further left.
-  template <typename Weight>
-  void addDisparityError(const PointResidual<kImages>& residual, const Weight& weight,
-                         const PointCorrespondence& point, Vector6d* by_disparity) const {
-    const bool in_front = point.p_prev.z() > camera_.baseline_m;  // a landmark need not be
+  /// Derivative of a far point's J^T r by the translation at which it is seen.
+  template <typename SqrtInformation>
+  static Matrix6d shiftOfFar(const PointResidual<kImages>& residual,
+                             const SqrtInformation& sqrt_information,
+                             const PointCorrespondence& point) {
+    Matrix6d shift = Matrix6d::Zero();
+    if (!point.far) return shift;
+    const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
+    shift.rightCols<3>() = J.transpose() * (sqrt_information * residual.jacobianByTranslation());
+    return shift;
+  }
+  template <typename SqrtInformation>
+  static Matrix6d shiftOfFar(const LineResidual<kImages>&, const SqrtInformation&,
+                             const LineCorrespondence&) {
+    return Matrix6d::Zero();
+  }
+
+  /// Derivative of J^T r by an error that makes every disparity larger: points are triangulated
+  /// nearer, and their right pixels in frame k lie further left.
+  template <typename SqrtInformation>
+  void addDisparityError(const PointResidual<kImages>& residual,
+                         const SqrtInformation& sqrt_information, const PointCorrespondence& point,
+                         Vector6d* J_disparity) const {
+    const bool in_front = point.p_prev.z() > camera_.baseline_m;  // landmarks may be behind
     if (!in_front || !parameters_.use_triangulation_covariance) return;
     const double disparity_px = camera_.fx * camera_.baseline_m / point.p_prev.z();
-    auto change = (residual.byLandmark() * (-point.p_prev / disparity_px)).eval();
-    if constexpr (kImages == ResidualImages::kBoth) change(2) -= 1.0;
-    const auto J = (weight * residual.byMotion()).eval();
-    *by_disparity += J.transpose() * (weight * change);
+    auto derivative = (residual.jacobianByLandmark() * (-point.p_prev / disparity_px)).eval();
+    if constexpr (kImages == ResidualImages::kBoth) derivative(2) -= 1.0;
+    const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
+    *J_disparity += J.transpose() * (sqrt_information * derivative);
   }
 
   const MotionParameters& parameters_;
   const StereoCamera& camera_;
+  ThreadPool* threads_;
+  const PriorFactor* prior_;
   WeightedMatches<PointResidual<kImages>> points_;
   WeightedMatches<LineResidual<kImages>> lines_;
 };
-
-/// How many times the inverse of the normal matrix the covariance is: what the residuals show of
-/// how far the weights are true, for estimates with Huber's weights (Huber, Robust Statistics,
-/// 1981, section 7.6; a kernel of a norm pulls along its residual only).
-double covarianceScale(const Statistics& statistics) {
-  const double freedoms = std::max(statistics.rows - 6, 0);
-  if (!(statistics.stiffnesses > 0.0) || !(freedoms > 0.0)) return 1.0;
-  const double shown = statistics.pulls * statistics.weights * statistics.rows /
-                       (statistics.stiffnesses * statistics.stiffnesses);
-  return (shown + kWeightsTrusted) / (freedoms + kWeightsTrusted);
-}
-
-/// From the normal matrix of the solver's perturbation of T_curr_prev to the covariance of
-/// T_prev_curr in ROS' order.
-Matrix6d motionCovariance(const Statistics& statistics, const Eigen::Isometry3d& T_curr_prev) {
-  const Matrix6d inverse = ImageInformation::invert(statistics.information.checked());
-  const double scale = covarianceScale(statistics);
-  const Vector6d by_calibration = kCalibrationPx * inverse * statistics.by_disparity;
-  const Matrix6d of_solution = scale * inverse + by_calibration * by_calibration.transpose();
-
-  // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
-  const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();
-  const Eigen::Vector3d& t = T_curr_prev.translation();
-  Matrix6d J = Matrix6d::Zero();
-  J.block<3, 3>(0, 0) = -R_t * skew(t);
-  J.block<3, 3>(0, 3) = -R_t;
-  J.block<3, 3>(3, 0) = -R_t;
-  const Matrix6d covariance = J * of_solution * J.transpose();
-  return 0.5 * (covariance + covariance.transpose());
-}
 
 template <ResidualImages kImages>
 MotionEstimate failed(MotionStatus status, const MotionProblem<kImages>& problem, int iterations) {
@@ -276,11 +229,15 @@ MotionEstimate failed(MotionStatus status, const MotionProblem<kImages>& problem
 template <ResidualImages kImages>
 MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isometry3d& T_curr_prev,
                         int iterations) {
-  const Statistics statistics = problem.statistics(T_curr_prev);
+  const ResidualStatistics statistics = problem.statistics(T_curr_prev);
   MotionEstimate estimate;
   estimate.status = MotionStatus::kOk;
   estimate.T_curr_prev = T_curr_prev;
   estimate.covariance = motionCovariance(statistics, T_curr_prev);
+  if (problem.prior() != nullptr) {
+    estimate.covariance =
+        fusedCovariance(estimate.covariance, problem.prior()->informationAt(T_curr_prev));
+  }
   estimate.point_inliers = problem.pointActive();
   estimate.line_inliers = problem.lineActive();
   estimate.num_point_inliers = problem.numPoints();
@@ -292,56 +249,134 @@ MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isom
   return estimate;
 }
 
-/// Solves with the matches that take part, removes outliers, and solves again. Where outliers are
-/// not removed, they are only told from the others.
+struct MatchCounts {
+  int all;
+  int near;  // those that constrain the translation
+};
+
+template <ResidualImages kImages>
+MatchCounts countMatches(const MotionProblem<kImages>& problem) {
+  return {problem.numPoints() + problem.numLines(), problem.numNear()};
+}
+
+bool areEnough(int inliers, int matches, const MotionParameters& parameters) {
+  return inliers >= parameters.min_inliers && inliers >= parameters.min_inlier_ratio * matches;
+}
+
+/// Whether matches carry the translation: a few wrong ones agree with some motion within the limit
+/// of inliers, but hardly as well as their noise says.
+template <ResidualImages kImages>
+bool nearAreEnough(const MotionProblem<kImages>& problem, const Eigen::Isometry3d& T_curr_prev,
+                   const MatchCounts& matches, const MotionParameters& parameters) {
+  return areEnough(problem.numNear(), matches.near, parameters) &&
+         std::lround(problem.expectedRightNear(T_curr_prev)) >= parameters.min_inliers;
+}
+
+/// Solves again, from the motion after outliers were removed, until the translation by which far
+/// points are shifted is the one that is estimated.
+template <ResidualImages kImages>
+typename MotionProblem<kImages>::SolveResult settleFarPoints(
+    typename MotionProblem<kImages>::SolveResult solved, const Eigen::Isometry3d& linearized_at,
+    double baseline_m, MotionProblem<kImages>* problem) {
+  Eigen::Vector3d shift_of = linearized_at.translation();
+  const MatchCounts inliers = countMatches(*problem);
+  if (inliers.near == 0 || inliers.near == inliers.all) return solved;
+  for (int round = 0; round < kMaxRounds && solved.usable; ++round) {
+    const Eigen::Vector3d& translation = solved.T_curr_prev.translation();
+    const double most_px = round == 0 ? kWrongShiftPx : kSettledShiftPx;
+    // What has a disparity of a pixel moves by a pixel with a baseline.
+    if ((translation - shift_of).norm() <= most_px * baseline_m) break;
+    shift_of = translation;
+    problem->selectAll();
+    problem->linearizeInformation(solved.T_curr_prev);
+    problem->selectInliers(solved.T_curr_prev);
+    const int iterations = solved.iterations;
+    solved = problem->solve(solved.T_curr_prev, {false, kFineTolerance});
+    solved.iterations += iterations;
+  }
+  return solved;
+}
+
+/// Solves with the active matches, removes outliers, and solves again. Without
+/// motion/remove_outliers they are only reported. Far points agree with any translation: if too few
+/// of the other matches agree, these are dropped, and the translation remains unconstrained.
+/// \param matches of which enough must agree; those that are not active, too.
 template <ResidualImages kImages>
 MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters& parameters,
-                          MotionProblem<kImages>* problem) {
-  const int matches = problem->numPoints() + problem->numLines();
-  if (matches < parameters.min_matches) return failed(MotionStatus::kTooFewMatches, *problem, 0);
+                          const MatchCounts& matches, MotionProblem<kImages>* problem) {
+  if (countMatches(*problem).all < parameters.min_matches)
+    return failed(MotionStatus::kTooFewMatches, *problem, 0);
   const bool again = parameters.remove_outliers;
   const auto first = problem->solve(start, {false, again ? kCoarseTolerance : kFineTolerance});
   if (!first.usable) return failed(MotionStatus::kSolverFailed, *problem, first.iterations);
-  problem->linearizeWeights(first.T_curr_prev);
+  problem->linearizeInformation(first.T_curr_prev);
   problem->selectInliers(first.T_curr_prev);
-  const int inliers = problem->numPoints() + problem->numLines();
-  if (inliers < parameters.min_inliers || inliers < parameters.min_inlier_ratio * matches) {
+  const MatchCounts inliers = countMatches(*problem);
+  if (!areEnough(inliers.all, matches.all, parameters))
     return failed(MotionStatus::kTooFewInliers, *problem, first.iterations);
-  }
+  const bool has_both = matches.near > 0 && matches.near < matches.all;
+  const auto solveWithoutNear = [&] {
+    problem->dropNear();
+    return solveTwice(start, parameters, {matches.all - matches.near, 0}, problem);
+  };
+  if (has_both && !areEnough(inliers.near, matches.near, parameters)) return solveWithoutNear();
   if (!again) return finished(*problem, first.T_curr_prev, first.iterations);
-  const auto second = problem->solve(first.T_curr_prev, {false, kFineTolerance});
+  const auto second = settleFarPoints(problem->solve(first.T_curr_prev, {false, kFineTolerance}),
+                                      first.T_curr_prev, problem->camera().baseline_m, problem);
   const int iterations = first.iterations + second.iterations;
   if (!second.usable) return failed(MotionStatus::kSolverFailed, *problem, iterations);
+  if (has_both && !nearAreEnough(*problem, second.T_curr_prev, matches, parameters))
+    return solveWithoutNear();
   return finished(*problem, second.T_curr_prev, iterations);
 }
 
-/// The estimator for the images that give residuals. \param max_distance_px if given, only matches
-/// that the start explains so well take part.
+/// The estimator for the images that give residuals. \param max_distance_px largest reprojection
+/// error at the initial motion of matches that are used; all if not given.
 template <ResidualImages kImages>
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
                         const Eigen::Isometry3d& start, const MotionParameters& parameters,
-                        std::optional<double> max_distance_px) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters);
-  problem.linearizeWeights(start);
-  if (max_distance_px) problem.selectNear(start, *max_distance_px);
-  return solveTwice(start, parameters, &problem);
+                        ThreadPool* threads, std::optional<double> max_distance_px) {
+  MotionProblem<kImages> problem(correspondences, camera, parameters, threads);
+  problem.linearizeInformation(start);
+  MatchCounts matches = countMatches(problem);
+  if (max_distance_px) {
+    problem.selectNear(start, *max_distance_px);
+    matches.all = static_cast<int>(std::ceil(kMinorityShare * matches.all));
+    matches.near = static_cast<int>(std::ceil(kMinorityShare * matches.near));
+  }
+  return solveTwice(start, parameters, matches, &problem);
 }
 
-/// Solves for the translation at a rotation that is held; `direct` if that fails.
 template <ResidualImages kImages>
-MotionEstimate estimateTranslation(const MotionEstimate& direct, const Eigen::Isometry3d& start,
+MotionEstimate estimateAgain(const MotionEstimate& images, const PriorFactor& prior,
+                             const Correspondences& correspondences, const StereoCamera& camera,
+                             const Eigen::Isometry3d& T_curr_prev_predicted,
+                             const MotionParameters& parameters, ThreadPool* threads) {
+  MotionProblem<kImages> problem(correspondences, camera, parameters, threads, &prior);
+  const Eigen::Isometry3d& start = images.ok() ? images.T_curr_prev : T_curr_prev_predicted;
+  problem.linearizeInformation(start);
+  const MatchCounts matches = countMatches(problem);
+  if (images.ok()) problem.selectInliers(start);
+  return solveTwice(start, parameters, matches, &problem);
+}
+
+/// Estimates the translation with the rotation fixed; returns `frame_to_frame` if that fails.
+template <ResidualImages kImages>
+MotionEstimate estimateTranslation(const MotionEstimate& frame_to_frame,
+                                   const Eigen::Isometry3d& start,
                                    const Correspondences& correspondences,
-                                   const StereoCamera& camera, const MotionParameters& parameters) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters);
-  problem.linearizeWeights(start);
+                                   const StereoCamera& camera, const MotionParameters& parameters,
+                                   ThreadPool* threads) {
+  MotionProblem<kImages> problem(correspondences, camera, parameters, threads);
+  problem.linearizeInformation(start);
   problem.selectInliers(start);
   const int inliers = problem.numPoints() + problem.numLines();
-  if (inliers < parameters.min_inliers) return direct;
+  if (inliers < parameters.min_inliers) return frame_to_frame;
   if (!parameters.remove_outliers) problem.selectAll();
-  const auto solution = problem.solve(start, {true, kFineTolerance});
-  if (!solution.usable) return direct;
-  if (!parameters.remove_outliers) problem.selectInliers(solution.T_curr_prev);
-  return finished(problem, solution.T_curr_prev, direct.iterations + solution.iterations);
+  const auto solve = problem.solve(start, {true, kFineTolerance});
+  if (!solve.usable) return frame_to_frame;
+  if (!parameters.remove_outliers) problem.selectInliers(solve.T_curr_prev);
+  return finished(problem, solve.T_curr_prev, frame_to_frame.iterations + solve.iterations);
 }
 
 bool usesBothImages(const MotionParameters& parameters) {
@@ -364,44 +399,38 @@ const char* toString(MotionStatus status) {
   return "unknown";
 }
 
-void ResidualHistogram::add(double value) {
-  const double bin = std::floor(value / kBinWidth) + kMiddle;
-  ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
-  squares += value * value;
-}
-
-void ResidualHistogram::add(const ResidualHistogram& other) {
-  for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += other.counts[i];
-  squares += other.squares;
-}
-
-std::int64_t ResidualHistogram::size() const {
-  return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
-}
-
-double ResidualHistogram::variance() const {
-  return squares / static_cast<double>(std::max(size(), std::int64_t{1}));
-}
-
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,
                               const Eigen::Isometry3d& T_curr_prev_initial,
-                              const MotionParameters& parameters) {
+                              const MotionParameters& parameters, ThreadPool* threads) {
   const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
                                                     : estimate<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_initial, parameters, std::nullopt);
+  return estimator(correspondences, camera, T_curr_prev_initial, parameters, threads, std::nullopt);
 }
 
 MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
                                             const StereoCamera& camera,
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
-                                            const MotionParameters& parameters) {
+                                            const MotionParameters& parameters,
+                                            ThreadPool* threads) {
   const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
                                                     : estimate<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_predicted, parameters, kPredictedPx);
+  return estimator(correspondences, camera, T_curr_prev_predicted, parameters, threads,
+                   kPredictedPx);
 }
 
-bool supportByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted, const Matrix6d& covariance,
-                         MotionEstimate* motion) {
+MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorFactor& prior,
+                                 const Correspondences& correspondences, const StereoCamera& camera,
+                                 const Eigen::Isometry3d& T_curr_prev_predicted,
+                                 const MotionParameters& parameters, ThreadPool* threads) {
+  const auto estimator = usesBothImages(parameters) ? estimateAgain<ResidualImages::kBoth>
+                                                    : estimateAgain<ResidualImages::kLeft>;
+  MotionEstimate estimate =
+      estimator(images, prior, correspondences, camera, T_curr_prev_predicted, parameters, threads);
+  return estimate.ok() ? estimate : images;
+}
+
+bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,
+                           const Matrix6d& covariance, MotionEstimate* motion) {
   const Eigen::LLT<Matrix6d> root(covariance);
   if (root.info() != Eigen::Success) return false;
   // In units of the prediction's standard deviations.
@@ -411,37 +440,29 @@ bool supportByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted, const M
   if (!(eigen.eigenvalues().maxCoeff() > 1.0)) return false;
 
   const Eigen::Isometry3d T_prev_curr = motion->T_curr_prev.inverse();
-  const Eigen::AngleAxisd turn(T_prev_curr_predicted.linear() * T_prev_curr.linear().transpose());
-  Vector6d to_prediction;
-  to_prediction << T_prev_curr_predicted.translation() - T_prev_curr.translation(),
-      turn.angle() * turn.axis();
+  const Vector6d to_prediction = poseDifference(T_prev_curr, T_prev_curr_predicted);
   const Eigen::LDLT<Matrix6d> sum(motion->covariance + covariance);
-  const Vector6d change = motion->covariance * sum.solve(to_prediction);
-  const Matrix6d known = covariance - covariance * sum.solve(covariance);
-  const double angle = change.tail<3>().norm();
-  Eigen::Isometry3d T_supported = T_prev_curr;
-  T_supported.translation() += change.head<3>();
-  if (angle > 0.0) {
-    T_supported.linear() =
-        Eigen::AngleAxisd(angle, change.tail<3>() / angle) * T_prev_curr.linear();
-  }
-  if (!T_supported.matrix().allFinite() || !known.allFinite()) return false;
-  motion->T_curr_prev = T_supported.inverse();
-  motion->covariance = 0.5 * (known + known.transpose());
+  const Vector6d update = motion->covariance * sum.solve(to_prediction);
+  const Matrix6d fused = covariance - covariance * sum.solve(covariance);
+  const Eigen::Isometry3d T_fused = addPoseDifference(T_prev_curr, update);
+  if (!T_fused.matrix().allFinite() || !fused.allFinite()) return false;
+  motion->T_curr_prev = T_fused.inverse();
+  motion->covariance = 0.5 * (fused + fused.transpose());
   return true;
 }
 
-MotionEstimate fuseRotation(const MotionEstimate& direct, const Eigen::Isometry3d& T_curr_prev2,
+MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame,
+                            const Eigen::Isometry3d& T_curr_prev2,
                             const Eigen::Isometry3d& T_prev_prev2,
                             const Correspondences& correspondences, const StereoCamera& camera,
-                            const MotionParameters& parameters) {
+                            const MotionParameters& parameters, ThreadPool* threads) {
   const Eigen::Quaterniond by_two_frames(T_curr_prev2.linear() * T_prev_prev2.linear().transpose());
-  const Eigen::Quaterniond by_one(direct.T_curr_prev.linear());
-  Eigen::Isometry3d fused = direct.T_curr_prev;
+  const Eigen::Quaterniond by_one(frame_to_frame.T_curr_prev.linear());
+  Eigen::Isometry3d fused = frame_to_frame.T_curr_prev;
   fused.linear() = by_one.slerp(0.5, by_two_frames).normalized().toRotationMatrix();
   const auto estimator = usesBothImages(parameters) ? estimateTranslation<ResidualImages::kBoth>
                                                     : estimateTranslation<ResidualImages::kLeft>;
-  return estimator(direct, fused, correspondences, camera, parameters);
+  return estimator(frame_to_frame, fused, correspondences, camera, parameters, threads);
 }
 
 }  // namespace point_line_odometry

@@ -5,23 +5,23 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kShareOfFrame = 0.05;   // of a frame with many residuals in what is learnt
-constexpr double kFewResiduals = 100.0;  // with so many it is half of that
-constexpr double kLargestScale = 4.0;    // and its inverse: twice or half the standard deviation
+constexpr double kUpdateRate = 0.05;     // of the mean, for a frame with many residuals
+constexpr double kFewResiduals = 100.0;  // with this number it is half of that
+constexpr double kLargestScale = 4.0;    // of the variance; 1 / 4 is the smallest
 
-void learnFrom(const ResidualHistogram& residuals, double* variance) {
+void updateFrom(const ResidualHistogram& residuals, double* variance) {
   const auto size = static_cast<double>(residuals.size());
   if (size == 0.0) return;
-  const double share = kShareOfFrame * size / (size + kFewResiduals);
-  const double learnt = *variance * (1.0 + share * (residuals.variance() - 1.0));
-  *variance = std::clamp(learnt, 1.0 / kLargestScale, kLargestScale);
+  const double share = kUpdateRate * size / (size + kFewResiduals);
+  const double updated = *variance * (1.0 + share * (residuals.variance() - 1.0));
+  *variance = std::clamp(updated, 1.0 / kLargestScale, kLargestScale);
 }
 
 }  // namespace
 
-void NoiseScale::learn(const ResidualHistogram& points, const ResidualHistogram& lines) {
-  learnFrom(points, &point_variance);
-  learnFrom(lines, &line_variance);
+void NoiseScale::update(const ResidualHistogram& points, const ResidualHistogram& lines) {
+  updateFrom(points, &point_variance);
+  updateFrom(lines, &line_variance);
 }
 
 }  // namespace point_line_odometry

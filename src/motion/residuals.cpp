@@ -1,6 +1,6 @@
 #include "motion/residuals.h"
 
-#include "geometry/skew.h"
+#include "geometry/se3.h"
 
 namespace point_line_odometry {
 
@@ -15,24 +15,24 @@ PointResidual<kImages>::PointResidual(const PointCorrespondence& point, const St
   const double fx_z = camera.fx * inverse_z;
   const double fy_z = camera.fy * inverse_z;
   value.template head<2>() = point.left_px - camera.projectLeft(p);
-  by_p_.row(0) << -fx_z, 0.0, fx_z * p.x() * inverse_z;
-  by_p_.row(1) << 0.0, -fy_z, fy_z * p.y() * inverse_z;
+  J_p_.row(0) << -fx_z, 0.0, fx_z * p.x() * inverse_z;
+  J_p_.row(1) << 0.0, -fy_z, fy_z * p.y() * inverse_z;
   if constexpr (kRows == 3) {
     value(2) = point.right_px.x() - camera.projectRight(p).x();
-    by_p_.row(2) << -fx_z, 0.0, fx_z * (p.x() - camera.baseline_m) * inverse_z;
+    J_p_.row(2) << -fx_z, 0.0, fx_z * (p.x() - camera.baseline_m) * inverse_z;
   }
 }
 
 template <ResidualImages kImages>
-auto PointResidual<kImages>::byMotion() const -> ByMotion {
-  ByMotion by_motion;
-  by_motion.template leftCols<3>() = -by_p_ * skew(rotated_);
+auto PointResidual<kImages>::jacobianByMotion() const -> JacobianByMotion {
+  JacobianByMotion J_motion;
+  J_motion.template leftCols<3>() = -J_p_ * skew(rotated_);
   if (far_) {
-    by_motion.template rightCols<3>().setZero();
+    J_motion.template rightCols<3>().setZero();
   } else {
-    by_motion.template rightCols<3>() = by_p_;
+    J_motion.template rightCols<3>() = J_p_;
   }
-  return by_motion;
+  return J_motion;
 }
 
 template <ResidualImages kImages>
@@ -43,6 +43,8 @@ LineResidual<kImages>::LineResidual(const LineCorrespondence& line, const Stereo
   if ((T_curr_prev * line.start_prev).z() < nearest || (T_curr_prev * line.end_prev).z() < nearest)
     return;
   const PlueckerLine prev = PlueckerLine::throughPoints(line.start_prev, line.end_prev);
+  // Without a direction, the moment is what rounding leaves, with fused multiply-add not 0.
+  if (!(prev.v.norm() > 1e-9 * line.end_prev.norm())) return;
   rotated_ = {R_ * prev.n, R_ * prev.v};
   const Eigen::Matrix3d K_l = lineProjectionMatrix(camera);
   for (int image = 0; 2 * image < kRows; ++image) {
@@ -56,12 +58,12 @@ LineResidual<kImages>::LineResidual(const LineCorrespondence& line, const Stereo
                                          ? (end == 0 ? line.left_start_px : line.left_end_px)
                                          : (end == 0 ? line.right_start_px : line.right_end_px);
       const double product = l.dot(pixel.homogeneous());
-      Eigen::Vector3d by_l = pixel.homogeneous() / norm;
-      by_l.head<2>() -= product / (norm * norm * norm) * l.head<2>();
+      Eigen::Vector3d J_l = pixel.homogeneous() / norm;
+      J_l.head<2>() -= product / (norm * norm * norm) * l.head<2>();
       const int row = 2 * image + end;
       value(row) = product / norm;
-      by_moment_.col(row) = K_l.transpose() * by_l;
-      by_moment_cross_t_.col(row) = by_moment_.col(row).cross(t);
+      J_moment_.col(row) = K_l.transpose() * J_l;
+      J_moment_cross_t_.col(row) = J_moment_.col(row).cross(t);
     }
   }
   valid = true;
@@ -70,27 +72,27 @@ LineResidual<kImages>::LineResidual(const LineCorrespondence& line, const Stereo
 // Row vectors times cross-product matrices are cross products: a^T [b] = (a x b)^T.
 
 template <ResidualImages kImages>
-auto LineResidual<kImages>::byMotion() const -> ByMotion {
-  ByMotion by_motion;
+auto LineResidual<kImages>::jacobianByMotion() const -> JacobianByMotion {
+  JacobianByMotion J_motion;
   for (int row = 0; row < kRows; ++row) {
-    const Eigen::Vector3d by_n = by_moment_.col(row);
-    const Eigen::Vector3d by_v = by_moment_cross_t_.col(row);
-    by_motion.row(row) << -(by_n.cross(rotated_.n) + by_v.cross(rotated_.v)).transpose(),
-        -by_n.cross(rotated_.v).transpose();
+    const Eigen::Vector3d J_n = J_moment_.col(row);
+    const Eigen::Vector3d J_v = J_moment_cross_t_.col(row);
+    J_motion.row(row) << -(J_n.cross(rotated_.n) + J_v.cross(rotated_.v)).transpose(),
+        -J_n.cross(rotated_.v).transpose();
   }
-  return by_motion;
+  return J_motion;
 }
 
 template <ResidualImages kImages>
-auto LineResidual<kImages>::byLandmark() const -> ByLandmark {
-  ByLandmark by_landmark;
+auto LineResidual<kImages>::jacobianByLandmark() const -> JacobianByLandmark {
+  JacobianByLandmark J_landmark;
   for (int row = 0; row < kRows; ++row) {
-    const Eigen::Vector3d by_n = R_.transpose() * by_moment_.col(row);
-    const Eigen::Vector3d by_v = R_.transpose() * by_moment_cross_t_.col(row);
-    by_landmark.row(row) << -(by_n.cross(end_prev_) + by_v).transpose(),
-        (by_n.cross(start_prev_) + by_v).transpose();
+    const Eigen::Vector3d J_n = R_.transpose() * J_moment_.col(row);
+    const Eigen::Vector3d J_v = R_.transpose() * J_moment_cross_t_.col(row);
+    J_landmark.row(row) << -(J_n.cross(end_prev_) + J_v).transpose(),
+        (J_n.cross(start_prev_) + J_v).transpose();
   }
-  return by_landmark;
+  return J_landmark;
 }
 
 template struct PointResidual<ResidualImages::kLeft>;

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "point_line_odometry/motion.h"
-#include "point_line_odometry/pluecker.h"
+#include "geometry/pluecker.h"
+#include "motion/correspondence.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
@@ -11,10 +11,10 @@ namespace point_line_odometry {
 /// Which images of frame k give residuals.
 enum class ResidualImages { kLeft, kBoth };
 
-// The residuals below exist once, here; the solver's cost, the weights, the outlier test and the
-// covariance use them. Derivatives are made when they are asked for, and only of valid residuals.
-// Those by the motion are by (rotation about the axes of the current camera, translation):
-// T -> (exp(rotation) R, t + translation).
+// The cost function, the square-root information, the outlier test and the covariance all use the
+// residuals below. Jacobians are computed on demand, and of valid residuals only. Those by the
+// motion are by (rotation about the axes of the current camera, translation): T -> (exp(rotation)
+// R, t + translation).
 
 /// Reprojection error of a point (paper, eq. 5) [px]: observed minus projected u, v in the left
 /// and, with kBoth, u in the right image (its v repeats the left one in a rectified pair).
@@ -22,22 +22,24 @@ template <ResidualImages kImages>
 struct PointResidual {
   using Correspondence = PointCorrespondence;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 3 : 2;
-  using ByMotion = Eigen::Matrix<double, kRows, 6>;
-  using ByLandmark = Eigen::Matrix<double, kRows, 3>;
+  using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
+  using JacobianByLandmark = Eigen::Matrix<double, kRows, 3>;
 
   Eigen::Matrix<double, kRows, 1> value;
   bool valid = false;  ///< false if the point is not in front of the camera
 
-  /// A far point's residual does not change with the translation.
+  /// The residual of a far point has a zero Jacobian by the translation.
   PointResidual(const PointCorrespondence& point, const StereoCamera& camera,
                 const Eigen::Isometry3d& T_curr_prev);
 
-  ByMotion byMotion() const;
+  JacobianByMotion jacobianByMotion() const;
+  /// By the translation; of a far point, too.
+  const JacobianByLandmark& jacobianByTranslation() const { return J_p_; }
   /// By p_prev.
-  ByLandmark byLandmark() const { return by_p_ * R_; }
+  JacobianByLandmark jacobianByLandmark() const { return J_p_ * R_; }
 
  private:
-  Eigen::Matrix<double, kRows, 3> by_p_;  // by the point in the current camera
+  Eigen::Matrix<double, kRows, 3> J_p_;  // Jacobian by the point in the current camera
   Eigen::Matrix3d R_;
   Eigen::Vector3d rotated_;
   bool far_;
@@ -49,8 +51,8 @@ template <ResidualImages kImages>
 struct LineResidual {
   using Correspondence = LineCorrespondence;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 4 : 2;
-  using ByMotion = Eigen::Matrix<double, kRows, 6>;
-  using ByLandmark = Eigen::Matrix<double, kRows, 6>;
+  using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
+  using JacobianByLandmark = Eigen::Matrix<double, kRows, 6>;
 
   Eigen::Matrix<double, kRows, 1> value;
   /// False if the line has no direction in the image, or is not in front of the camera.
@@ -59,13 +61,13 @@ struct LineResidual {
   LineResidual(const LineCorrespondence& line, const StereoCamera& camera,
                const Eigen::Isometry3d& T_curr_prev);
 
-  ByMotion byMotion() const;
+  JacobianByMotion jacobianByMotion() const;
   /// By (start_prev, end_prev).
-  ByLandmark byLandmark() const;
+  JacobianByLandmark jacobianByLandmark() const;
 
  private:
-  Eigen::Matrix<double, 3, kRows> by_moment_;  // by n + t x v, one column for each row
-  Eigen::Matrix<double, 3, kRows> by_moment_cross_t_;
+  Eigen::Matrix<double, 3, kRows> J_moment_;  // gradients by n + t x v, one column for each row
+  Eigen::Matrix<double, 3, kRows> J_moment_cross_t_;
   Eigen::Matrix3d R_;
   PlueckerLine rotated_;
   Eigen::Vector3d start_prev_;

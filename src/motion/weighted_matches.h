@@ -2,113 +2,152 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "motion/residuals.h"
 
 namespace point_line_odometry {
 
-/// The matches of one kind, points or lines: which of them take part in the estimate, and the
-/// square roots of their residuals' information. `Residual` is one of those in residuals.h.
+/// The matches of one kind, points or lines: which of them are active in the estimate, and the
+/// square-root information of their residuals. `Residual` is one of those in residuals.h.
 template <typename Residual>
 class WeightedMatches {
  public:
   using Correspondence = typename Residual::Correspondence;
-  using Weight = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
+  using SqrtInformation = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
 
-  /// All take part. \param matches and \param camera must outlive this.
+  /// All are active. \param matches and \param camera must outlive this.
   WeightedMatches(const std::vector<Correspondence>& matches, const StereoCamera& camera)
       : matches_(matches),
         camera_(camera),
         active_(matches.size(), true),
-        weights_(matches.size()) {}
+        sqrt_information_(matches.size()) {}
 
   const std::vector<bool>& active() const { return active_; }
   int count() const { return static_cast<int>(std::count(active_.begin(), active_.end(), true)); }
-  int rows() const { return count() * Residual::kRows; }
+  /// Active matches that constrain the translation: all but far points.
+  int countNear() const {
+    int count = 0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) count += active_[i] && !isFar(matches_[i]);
+    return count;
+  }
+  std::size_t size() const { return matches_.size(); }
 
-  /// Computes the weights at a motion, and drops matches that are behind the camera or not finite.
-  /// Its translation is what moves far points, until the next call.
-  void linearizeWeights(const Eigen::Isometry3d& T_curr_prev, bool use_triangulation_covariance) {
-    weighted_ = active_;
+  /// Expected number of right ones among the active matches that constrain the translation, at a
+  /// motion: whitened residuals of right matches are normal, those of wrong ones anywhere within
+  /// the limit of selectInliers(). Without other knowledge, either is as probable.
+  double expectedRightNear(const Eigen::Isometry3d& T_curr_prev, double limit) const {
+    constexpr double kHalfRows = 0.5 * Residual::kRows;
+    const double radius = limit * std::sqrt(static_cast<double>(Residual::kRows));
+    // The volume of wrong residuals, relative to the normal distribution's at zero.
+    const double volume = std::pow(0.5 * radius * radius, kHalfRows) / std::tgamma(kHalfRows + 1.0);
+    double expected = 0.0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!active_[i] || isFar(matches_[i])) continue;
+      const Residual residual = residualAt(T_curr_prev, i);
+      if (!residual.valid) continue;
+      const double squared = (sqrt_information_[i] * residual.value).squaredNorm();
+      const double likelihood = volume * std::exp(-0.5 * squared);
+      expected += likelihood / (likelihood + 1.0);
+    }
+    return expected;
+  }
+
+  /// Computes the square-root information at a motion, and drops matches that are behind the camera
+  /// or not finite. Residuals of far points use its translation until the next call.
+  void linearizeInformation(const Eigen::Isometry3d& T_curr_prev,
+                            bool use_triangulation_covariance) {
+    usable_ = active_;
     translation_of_far_ = T_curr_prev.translation();
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!active_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
-      weighted_[i] =
-          residual.valid && residual.value.allFinite() &&
-          computeWeight(matches_[i], residual, use_triangulation_covariance, &weights_[i]);
-      active_[i] = weighted_[i];
+      usable_[i] = residual.valid && residual.value.allFinite() &&
+                   computeSqrtInformation(matches_[i], residual, use_triangulation_covariance,
+                                          &sqrt_information_[i]);
+      active_[i] = usable_[i];
     }
   }
 
-  /// Takes the matches whose whitened residual is within the limit per square root of its size, and
-  /// no others.
+  /// Activates the matches whose whitened residual has |r| <= limit * sqrt(kRows), and no others.
   void selectInliers(const Eigen::Isometry3d& T_curr_prev, double limit) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (!weighted_[i]) continue;
+      if (!usable_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
-      active_[i] = residual.valid &&
-                   (weights_[i] * residual.value).squaredNorm() <= limit * limit * Residual::kRows;
+      active_[i] = residual.valid && (sqrt_information_[i] * residual.value).squaredNorm() <=
+                                         limit * limit * Residual::kRows;
     }
   }
 
-  /// Takes all that have a weight.
-  void selectAll() { active_ = weighted_; }
+  /// Drops the matches that constrain the translation, and activates all others that have a
+  /// square-root information.
+  void dropNear() {
+    for (std::size_t i = 0; i < matches_.size(); ++i) usable_[i] = usable_[i] && isFar(matches_[i]);
+    active_ = usable_;
+  }
 
-  /// Takes the matches whose residual's coordinates are within a distance, and no others.
+  /// Activates all that have a square-root information.
+  void selectAll() { active_ = usable_; }
+
+  /// Activates the matches whose residual's coordinates are within a distance, and no others.
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (!weighted_[i]) continue;
+      if (!usable_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
       active_[i] =
           residual.valid && residual.value.template lpNorm<Eigen::Infinity>() <= max_distance_px;
     }
   }
 
-  /// Calls visit(residual, weight, match) for each match that takes part; false as soon as a
+  /// Calls visit(residual, sqrt_information, match) for each active match; false as soon as a
   /// residual is not valid.
   template <typename Visit>
   bool forEachActive(const Eigen::Isometry3d& T_curr_prev, Visit&& visit) const {
-    for (std::size_t i = 0; i < matches_.size(); ++i) {
+    return forEachActive(T_curr_prev, 0, matches_.size(), visit);
+  }
+
+  /// The same for the matches of indices begin ... end - 1.
+  template <typename Visit>
+  bool forEachActive(const Eigen::Isometry3d& T_curr_prev, std::size_t begin, std::size_t end,
+                     Visit&& visit) const {
+    for (std::size_t i = begin; i < end; ++i) {
       if (!active_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
       if (!residual.valid) return false;
-      visit(residual, weights_[i], matches_[i]);
+      visit(residual, sqrt_information_[i], matches_[i]);
     }
     return true;
   }
 
  private:
-  static bool isFar(const PointCorrespondence& point) { return point.far; }
-  static bool isFar(const LineCorrespondence&) { return false; }
-
   Residual residualAt(Eigen::Isometry3d T_curr_prev, std::size_t i) const {
     if (isFar(matches_[i])) T_curr_prev.translation() = translation_of_far_;
     return Residual(matches_[i], camera_, T_curr_prev);
   }
 
-  /// Inverse square root of the residual's covariance: pixel noise, and the triangulation's carried
-  /// through the residual. False if it is not finite or has none.
-  static bool computeWeight(const Correspondence& match, const Residual& residual,
-                            bool use_triangulation_covariance, Weight* weight) {
-    Weight covariance = match.sigma_px * match.sigma_px * Weight::Identity();
+  /// Inverse Cholesky factor of the residual's covariance: pixel noise, and the triangulation's
+  /// covariance propagated by the Jacobian. False if it is not finite or not positive definite.
+  static bool computeSqrtInformation(const Correspondence& match, const Residual& residual,
+                                     bool use_triangulation_covariance,
+                                     SqrtInformation* sqrt_information) {
+    SqrtInformation covariance = match.sigma_px * match.sigma_px * SqrtInformation::Identity();
     if (use_triangulation_covariance) {
-      const auto by_landmark = residual.byLandmark();
-      covariance += by_landmark * match.covariance * by_landmark.transpose();
+      const auto J_landmark = residual.jacobianByLandmark();
+      covariance += J_landmark * match.covariance * J_landmark.transpose();
     }
     if (!covariance.allFinite()) return false;
-    const Eigen::LLT<Weight> cholesky(covariance);
+    const Eigen::LLT<SqrtInformation> cholesky(covariance);
     if (cholesky.info() != Eigen::Success) return false;
-    *weight = cholesky.matrixL().solve(Weight::Identity());
+    *sqrt_information = cholesky.matrixL().solve(SqrtInformation::Identity());
     return true;
   }
 
   const std::vector<Correspondence>& matches_;
   const StereoCamera& camera_;
   std::vector<bool> active_;
-  std::vector<bool> weighted_;  // those with a weight
-  std::vector<Weight> weights_;
+  std::vector<bool> usable_;  // those with a square-root information
+  std::vector<SqrtInformation> sqrt_information_;
   Eigen::Vector3d translation_of_far_ = Eigen::Vector3d::Zero();
 };
 

@@ -1,4 +1,4 @@
-#include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/frame_result.h"
 
 namespace point_line_odometry {
 
@@ -66,8 +66,8 @@ const char* toString(Stage stage) {
       return "window";
     case Stage::kMap:
       return "map";
-    case Stage::kLearn:
-      return "learn";
+    case Stage::kUpdateMap:
+      return "update_map";
     case Stage::kRefine:
       return "refine";
     case Stage::kNumStages:

@@ -2,11 +2,11 @@
 
 #include <chrono>
 
-#include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/frame_result.h"
 
 namespace point_line_odometry {
 
-/// Adds the time from its making to its end to a stage.
+/// Adds the time of its lifetime to a stage.
 class StageTimer {
  public:
   StageTimer(StageTimes* times, Stage stage) : ms_(&times->ms[static_cast<std::size_t>(stage)]) {}

@@ -9,15 +9,16 @@
 #include <string>
 #include <system_error>
 
-#include "point_line_odometry/input_error.h"
+#include "common/input_error.h"
 
 namespace point_line_odometry {
 
-/// A bag that gets its name when it is whole; without commit() nothing is left of it. Throws
-/// InputError if it cannot be made or named, rosbag::BagException if it cannot be written to.
+/// A bag that is written to NAME.part and renamed by commit(); without commit() the destructor
+/// removes it. Throws InputError if it cannot be created or renamed, rosbag::BagException if it
+/// cannot be written to.
 class BagFile {
  public:
-  /// \param writer what the bag says of latched messages, who published them.
+  /// \param writer node name that latched messages have as their publisher (callerid).
   BagFile(const std::string& file, rosbag::CompressionType compression, const std::string& writer)
       : file_(file), part_(file + ".part"), writer_(writer) {
     try {
@@ -69,22 +70,22 @@ class BagFile {
   }
 
  private:
-  /// A bag that cannot be written to, for want of room, cannot be closed either: its destructor
-  /// would throw and end the process. So what it still writes goes nowhere.
+  /// A bag on a full disk cannot be closed either: its destructor would throw and end the process.
+  /// So its file descriptor is redirected to /dev/null first.
   void closeAnyhow() {
     namespace fs = std::filesystem;
     std::error_code error;
     const fs::path part = fs::canonical(part_, error);
-    const int nowhere = ::open("/dev/null", O_RDWR | O_CLOEXEC);
+    const int null_device = ::open("/dev/null", O_RDWR | O_CLOEXEC);
     for (const fs::directory_entry& entry : fs::directory_iterator("/proc/self/fd", error)) {
-      if (nowhere >= 0 && !part.empty() && fs::read_symlink(entry.path(), error) == part)
-        ::dup2(nowhere, std::stoi(entry.path().filename().string()));
+      if (null_device >= 0 && !part.empty() && fs::read_symlink(entry.path(), error) == part)
+        ::dup2(null_device, std::stoi(entry.path().filename().string()));
     }
-    if (nowhere >= 0) ::close(nowhere);
+    if (null_device >= 0) ::close(null_device);
     try {
       bag_.close();
     } catch (const rosbag::BagException&) {
-      // It is thrown away anyway.
+      // The file is removed anyway.
     }
   }
 

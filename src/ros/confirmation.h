@@ -5,16 +5,15 @@
 
 namespace point_line_odometry {
 
-/// What should stay as it is (clock, calibration, frame_id) changes when so many messages in a row
-/// say so: a few bad ones change nothing.
+/// Number of messages in a row that must have the same new value before a value that should not
+/// change (clock, calibration, frame_id) is replaced: a few bad messages change nothing.
 constexpr int kConfirmations = 3;
 
-/// Counts how often in a row a value came that is not the one in force.
+/// Counts how many times in a row the same value other than the current one was received.
 template <typename Value>
 class Confirmation {
  public:
-  /// Adds a value other than the one in force. True if it is the same for the kConfirmations-th
-  /// time.
+  /// Adds a value other than the current one. True if it is the kConfirmations-th in a row.
   bool add(const Value& value) {
     if (!candidate_ || !(*candidate_ == value)) count_ = 0;
     candidate_ = value;
@@ -22,12 +21,12 @@ class Confirmation {
     return count_ == kConfirmations;
   }
 
-  /// True if add() of this value would be.
+  /// True if add() of this value would return true.
   bool awaits(const Value& value) const {
     return candidate_ && *candidate_ == value && count_ + 1 >= kConfirmations;
   }
 
-  /// The value in force has come again.
+  /// To be called when the current value was received again.
   void clear() { candidate_.reset(); }
 
  private:

@@ -7,14 +7,16 @@
 #include <cmath>
 #include <initializer_list>
 
+#include "common/statistics.h"
+
 namespace point_line_odometry {
 namespace {
 
 using Level = diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kWarnPeriodS = 5.0;
-constexpr double kRepeatPeriodS = 60.0;  // of a warning that lasts
-constexpr double kShownS = 10.0;         // what is over
+constexpr double kRepeatPeriodS = 60.0;  // of a warning that persists
+constexpr double kShownS = 10.0;         // a rejected stamp, after it was received
 
 std::uint8_t levelOf(TrackingState state) {
   switch (state) {
@@ -29,8 +31,8 @@ std::uint8_t levelOf(TrackingState state) {
   return Level::ERROR;
 }
 
-/// Adds the lines about these subjects to a status: what failed to its summary, unless that is an
-/// error already, and all their values.
+/// Adds the lines on these subjects to a status: those that failed to its summary, unless that is
+/// an error already, and the values of all.
 void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<DoctorSubject> subjects,
                 diagnostic_updater::DiagnosticStatusWrapper* status) {
   const bool known = status->level >= Level::ERROR;
@@ -39,12 +41,29 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
     if (line.failed() && !known) {
       status->mergeSummary(
           line.level == DoctorLevel::kError ? Level::ERROR : Level::WARN,
-          std::string(toString(line.subject)) + ": " + line.text + "; " + line.cure);
+          std::string(toString(line.subject)) + ": " + line.text + "; " + line.hint);
     }
     const bool topic = line.subject <= DoctorSubject::kRightInfo;
     const std::string prefix = topic ? std::string(toString(line.subject)) + " " : "";
     for (const auto& [key, value] : line.values) status->add(prefix + key, value);
   }
+}
+
+/// Adds a source of motion priors: whether its samples come, and how many could not be used and
+/// why.
+void reportSource(const std::string& name, const SourceFacts& source,
+                  diagnostic_updater::DiagnosticStatusWrapper* status) {
+  if (!source.counts.alive) {
+    status->mergeSummary(Level::WARN, source.silence);
+  } else if (!source.fault.empty()) {
+    status->mergeSummary(Level::WARN, name + " are not used: " + source.fault);
+  }
+  status->add(name, source.counts.received);
+  const auto addUnused = [&](const std::string& fault, std::uint64_t count) {
+    if (count > 0) status->add(name + " not used: " + fault, count);
+  };
+  addUnused("no pose", source.counts.malformed);
+  for (const auto& [fault, count] : source.unused) addUnused(fault, count);
 }
 
 }  // namespace
@@ -73,12 +92,17 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   reason_ = frame.result.reason;
   latency_ms_ = latency_ms;
   feature_budget_ = frame.feature_budget;
+  prior_ = frame.result.prior;
+  ++priors_[prior_.use];
   if (line_detector_ != frame.line_detector) {
     ROS_INFO("detector of line segments: %s", toString(frame.line_detector));
   }
   line_detector_ = frame.line_detector;
   failed_windows_ += static_cast<std::uint64_t>(frame.result.counts.failed_windows);
   counters_.relocalizations += static_cast<std::uint64_t>(frame.result.counts.relocalizations);
+  counters_.masks_missing += static_cast<std::uint64_t>(frame.masks.missing);
+  if (!masks_) masks_.emplace();
+  masks_->add(frame);
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
   if (process_ms_.size() > kRemembered) process_ms_.pop_front();
@@ -118,21 +142,34 @@ void Diagnostics::noteWaitingForTransform(const std::string& text) {
   problem_ = text;
 }
 
-void Diagnostics::noteExamination(const std::vector<DoctorLine>& lines) {
+void Diagnostics::noteImu(const SourceFacts& imu) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  imu_ = imu;
+}
+
+void Diagnostics::noteWheels(const WheelFacts& wheels) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  wheels_ = wheels;
+}
+
+void Diagnostics::noteCheck(const std::vector<DoctorLine>& lines) {
   for (const DoctorLine& line : lines) {
     if (line.subject != DoctorSubject::kRectification || !line.failed()) continue;
-    ROS_WARN_STREAM_THROTTLE(kRepeatPeriodS, line.text << "; " << line.cure);
+    ROS_WARN_STREAM_THROTTLE(kRepeatPeriodS, line.text << "; " << line.hint);
   }
   const std::lock_guard<std::mutex> lock(mutex_);
-  examination_ = lines;
+  doctor_lines_ = lines;
 }
 
 std::optional<double> Diagnostics::medianFrameMs() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (process_ms_.size() < 2) return std::nullopt;
-  std::vector<double> sorted(process_ms_.begin(), process_ms_.end());
-  std::sort(sorted.begin(), sorted.end());
-  return sorted[sorted.size() / 2];
+  return median(std::vector<double>(process_ms_.begin(), process_ms_.end()));
+}
+
+std::optional<MaskFacts> Diagnostics::masks() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return masks_;
 }
 
 FrameCounters Diagnostics::counters() const {
@@ -146,18 +183,18 @@ void Diagnostics::update(const StereoSubscriber& subscriber) {
 }
 
 void Diagnostics::watchInput(const StereoSubscriber& subscriber) {
-  const double silence_s = subscriber.silenceSeconds();
-  const bool silent = silence_s > watchdog_timeout_s_;
-  const std::string silence = silent ? subscriber.explainSilence() : std::string();
-  if (silent) {
+  const double timeout_s = subscriber.secondsSinceSet();
+  const bool timed_out = timeout_s > watchdog_timeout_s_;
+  const std::string timeout = timed_out ? subscriber.explainTimeout() : std::string();
+  if (timed_out) {
     ROS_WARN_STREAM_THROTTLE(kWarnPeriodS, "no synchronised stereo images for "
-                                               << std::lround(silence_s) << " s; " << silence);
+                                               << std::lround(timeout_s) << " s; " << timeout);
   }
   const InputFacts input = subscriber.facts();
   const std::lock_guard<std::mutex> lock(mutex_);
-  silence_ = silence;
+  timeout_ = timeout;
   num_sets_ = input.sets;
-  num_unpaired_ = input.unpaired;
+  num_unsynchronized_ = input.unsynchronized;
 }
 
 void Diagnostics::reportTracking(Status& status) {
@@ -188,24 +225,46 @@ void Diagnostics::reportTracking(Status& status) {
 
 void Diagnostics::reportInput(Status& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (silence_.empty()) {
+  if (timeout_.empty()) {
     status.summary(Level::OK, "receiving stereo images");
   } else {
-    status.summary(Level::ERROR, "no synchronised stereo images; " + silence_);
+    status.summary(Level::ERROR, "no synchronised stereo images; " + timeout_);
   }
   if (time_of_rejected_stamp_ &&
       (ros::WallTime::now() - *time_of_rejected_stamp_).toSec() < kShownS) {
     status.mergeSummary(Level::WARN, "message rejected: " + rejected_stamp_);
   }
+  reportPriors(status);
   status.add("synchronised sets", num_sets_);
   status.add("messages rejected for their stamp", counters_.stamps_rejected);
   status.add("last of these", rejected_stamp_.empty() ? "none" : rejected_stamp_);
-  status.add("left images without partner", num_unpaired_);
-  mergeLines(examination_,
+  status.add("left images without partner", num_unsynchronized_);
+  status.add("masks missing", counters_.masks_missing);
+  mergeLines(doctor_lines_,
              {DoctorSubject::kLeftImage, DoctorSubject::kRightImage, DoctorSubject::kLeftInfo,
               DoctorSubject::kRightInfo, DoctorSubject::kStamps, DoctorSubject::kImages,
-              DoctorSubject::kSpeed, DoctorSubject::kClock},
+              DoctorSubject::kMasks, DoctorSubject::kSpeed, DoctorSubject::kClock},
              &status);
+}
+
+/// The IMU, the wheels, and how the frames used their motion priors.
+void Diagnostics::reportPriors(Status& status) const {
+  if (imu_) reportSource("imu samples", *imu_, &status);
+  if (wheels_) reportSource("poses by wheels", *wheels_, &status);
+  if (prior_.use == PriorUse::kSuspended) {
+    status.mergeSummary(Level::WARN,
+                        "motion priors disagree with the images and are not used: check the axes "
+                        "of the IMU in tf, its stamps and noise parameters");
+  }
+  if (wheels_ && !wheels_->trusted) {
+    status.mergeSummary(Level::WARN,
+                        "the motion by wheels disagrees with the images and is not used: check "
+                        "its scale, the camera's pose in tf, and wheels/slip_x, _y and _yaw");
+  }
+  for (const auto& [use, frames] : priors_) {
+    if (use != PriorUse::kNone)
+      status.add(std::string("frames with motion prior ") + toString(use), frames);
+  }
 }
 
 void Diagnostics::reportCalibration(Status& status) {
@@ -215,7 +274,7 @@ void Diagnostics::reportCalibration(Status& status) {
   } else {
     status.summary(Level::OK, "calibrated pair");
   }
-  mergeLines(examination_,
+  mergeLines(doctor_lines_,
              {DoctorSubject::kCalibration, DoctorSubject::kBaseline, DoctorSubject::kRectification,
               DoctorSubject::kDisparity, DoctorSubject::kMounting},
              &status);

@@ -4,21 +4,36 @@
 #include <ros/node_handle.h>
 
 #include <deque>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "ros/doctor_facts.h"
 #include "ros/doctor_report.h"
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
+#include "ros/sample_input.h"
 #include "ros/stereo_subscriber.h"
 
 namespace point_line_odometry {
 
-/// What the node knows of its own health, published on /diagnostics once a second. Frames are noted
-/// by the worker thread, what the doctor found by its own, update() is called by a timer; all may
-/// happen at once.
+/// What is known of a source of motion priors: the IMU.
+struct SourceFacts {
+  SampleCounts counts;
+  std::string silence;  ///< what to say if it is not alive
+  std::string fault;    ///< of the frame of its last sample, empty if there is none
+  std::map<std::string, std::uint64_t> unused;  ///< samples, by what was wrong with them
+};
+
+/// The wheels, or what else gives poses.
+struct WheelFacts : SourceFacts {
+  bool trusted = true;  ///< see WheelOdometry::isTrusted()
+};
+
+/// State of the node, published on /diagnostics once a second. Thread-safe: the worker thread notes
+/// frames, the doctor's thread its report, and a timer calls update().
 class Diagnostics {
  public:
   Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
@@ -36,9 +51,14 @@ class Diagnostics {
   void noteRejectedStamp(const std::string& text);
   void notePaused(bool paused);
   void noteWaitingForTransform(const std::string& text);
-  void noteExamination(const std::vector<DoctorLine>& lines);
+  void noteImu(const SourceFacts& imu);
+  void noteWheels(const WheelFacts& wheels);
+  void noteCheck(const std::vector<DoctorLine>& lines);
 
   FrameCounters counters() const;
+
+  /// Nothing before the first frame.
+  std::optional<MaskFacts> masks() const;
 
   /// Median time for the latest frames [ms]; nothing before the second frame.
   std::optional<double> medianFrameMs() const;
@@ -52,6 +72,7 @@ class Diagnostics {
   void watchInput(const StereoSubscriber& subscriber);
   void reportTracking(Status& status);
   void reportInput(Status& status);
+  void reportPriors(Status& status) const;
   void reportCalibration(Status& status);
   double takeRate();
 
@@ -64,15 +85,20 @@ class Diagnostics {
   double latency_ms_ = 0.0;
   double feature_budget_ = 1.0;
   std::optional<LineDetectorKind> line_detector_;  // of the last frame
-  std::uint64_t failed_windows_ = 0;               // of keyframes, without a solution
+  std::uint64_t failed_windows_ = 0;               // bundle adjustments that failed
   std::deque<double> process_ms_;                  // of the latest frames
-  std::vector<DoctorLine> examination_;
-  std::string problem_;         // of the last frame, empty if there is none
-  std::string silence_;         // why no images come, empty if they do
-  std::string rejected_stamp_;  // the last one
+  std::optional<MaskFacts> masks_;
+  std::vector<DoctorLine> doctor_lines_;
+  std::optional<SourceFacts> imu_;            // nothing unless imu/enabled
+  std::optional<WheelFacts> wheels_;          // nothing without
+  PriorReport prior_;                         // of the last frame
+  std::map<PriorUse, std::uint64_t> priors_;  // frames by the use of their prior
+  std::string problem_;                       // of the last frame, empty if there is none
+  std::string timeout_;                       // why no images are received, empty if they are
+  std::string rejected_stamp_;                // the last one
   std::optional<ros::WallTime> time_of_rejected_stamp_;
   std::uint64_t num_sets_ = 0;
-  std::uint64_t num_unpaired_ = 0;
+  std::uint64_t num_unsynchronized_ = 0;
   std::uint64_t processed_at_last_rate_ = 0;
   ros::WallTime time_of_last_rate_;
 

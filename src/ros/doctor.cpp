@@ -7,7 +7,7 @@
 #include <chrono>
 #include <exception>
 
-#include "ros/doctor_judgement.h"
+#include "ros/doctor_rules.h"
 
 namespace point_line_odometry {
 namespace {
@@ -29,15 +29,15 @@ std::vector<std::string> publishedImageTopics() {
   return names;
 }
 
-bool clockStands() { return ros::Time::isSimTime() && ros::Time::now().isZero(); }
+bool isClockMissing() { return ros::Time::isSimTime() && ros::Time::now().isZero(); }
 
 Doctor::Doctor(ros::NodeHandle nh, const NodeParameters& parameters, const std::string& name,
-               const Patient& patient)
+               const Sources& sources)
     : name_(name),
-      patient_(patient),
+      sources_(sources),
       start_(ros::WallTime::now()),
       publisher_(nh.advertise<diagnostic_msgs::DiagnosticArray>("doctor", 1, true)),
-      examination_(parameters),
+      checks_(parameters),
       thread_(&Doctor::work, this) {}
 
 Doctor::~Doctor() {
@@ -52,13 +52,13 @@ Doctor::~Doctor() {
 /// An exception that left this thread would end every nodelet of the manager.
 void Doctor::work() {
   constexpr std::chrono::milliseconds kTick{250};
-  constexpr int kTicksPerExamination = 4;
+  constexpr int kTicksPerCheck = 4;
   std::unique_lock<std::mutex> lock(mutex_);
   for (int tick = 1; !stopping_.wait_for(lock, kTick, [this] { return stopped_; }); ++tick) {
     lock.unlock();
     try {
       measureIfDue();
-      if (tick % kTicksPerExamination == 0) examineAndReport();
+      if (tick % kTicksPerCheck == 0) checkAndReport();
     } catch (const std::exception& error) {
       ROS_ERROR_THROTTLE(kWarnPeriodS, "the doctor failed: %s", error.what());
     }
@@ -66,28 +66,29 @@ void Doctor::work() {
   }
 }
 
-/// A few times at the start, then so rarely that it costs less than a hundredth of a core.
+/// A few times at the start, then rarely enough to take less than 1 % of a core.
 void Doctor::measureIfDue() {
   constexpr int kAtStart = PairTrend::kWindow;
   constexpr double kPeriod_s = 5.0;
   if (age_s() < next_measurement_s_) return;
-  const StereoMessages set = patient_.subscriber->facts().latest_set;
+  const StereoMessages set = sources_.subscriber->facts().latest_set;
   if (!set.left || set.left == last_measured_.left) return;
-  examination_.measure(set);
+  checks_.measure(set);
   last_measured_ = set;
   if (++num_measured_ >= kAtStart) next_measurement_s_ = age_s() + kPeriod_s;
 }
 
-void Doctor::examineAndReport() {
-  const InputFacts input = patient_.subscriber->facts();
+void Doctor::checkAndReport() {
+  const InputFacts input = sources_.subscriber->facts();
   const double age = age_s();
   lookForTopics(input, age);
-  DoctorFacts facts = examination_.facts(input, *patient_.tf);
+  DoctorFacts facts = checks_.facts(input, *sources_.tf);
   facts.image_topics = image_topics_;
-  facts.clock_stands = clockStands();
-  facts.frame_ms = patient_.diagnostics->medianFrameMs();
-  const std::vector<DoctorLine> lines = examine(facts);
-  patient_.diagnostics->noteExamination(lines);
+  facts.clock_missing = isClockMissing();
+  facts.frame_ms = sources_.diagnostics->medianFrameMs();
+  facts.masks = sources_.diagnostics->masks();
+  const std::vector<DoctorLine> lines = checkInput(facts);
+  sources_.diagnostics->noteCheck(lines);
   if (!schedule_.due(age, lines)) return;
   publisher_.publish(toDiagnosticArray(lines, name_, ros::Time::now()));
   const std::string report = "doctor, " + std::to_string(std::lround(age)) +
@@ -99,7 +100,7 @@ void Doctor::examineAndReport() {
   }
 }
 
-/// Asks the master what else there is, now and then while an image topic is silent.
+/// Asks the master from time to time for other image topics while one of ours is missing.
 void Doctor::lookForTopics(const InputFacts& input, double age_s) {
   constexpr double kPeriod_s = 10.0;
   const bool missing =

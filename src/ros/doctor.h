@@ -12,25 +12,25 @@
 #include <vector>
 
 #include "ros/diagnostics.h"
-#include "ros/doctor_examination.h"
+#include "ros/doctor_checks.h"
 #include "ros/doctor_report.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_subscriber.h"
 
 namespace point_line_odometry {
 
-/// Image topics that the master knows of, raw and compressed; empty if it does not answer.
+/// Image topics that the master knows, raw and compressed; empty if it does not answer.
 std::vector<std::string> publishedImageTopics();
 
-/// True if the simulated clock is in use and has not begun.
-bool clockStands();
+/// True if use_sim_time is set and no /clock has been received.
+bool isClockMissing();
 
-/// Examines the input of a running node on a thread of its own: reports to the log and the latched
-/// topic `doctor` as ReportSchedule says, and tells the diagnostics once a second.
+/// Checks the input of a running node in a thread of its own: reports to the log and the latched
+/// topic `doctor` when ReportSchedule says so, and to the diagnostics once a second.
 class Doctor {
  public:
-  /// What is examined; all must outlive the doctor.
-  struct Patient {
+  /// What is checked; all must outlive the doctor.
+  struct Sources {
     const StereoSubscriber* subscriber;
     const tf2_ros::Buffer* tf;
     Diagnostics* diagnostics;
@@ -38,9 +38,9 @@ class Doctor {
 
   /// \param nh `doctor` is resolved here. \param name of the node, for the report.
   Doctor(ros::NodeHandle nh, const NodeParameters& parameters, const std::string& name,
-         const Patient& patient);
+         const Sources& sources);
 
-  /// Returns when the examination under way has ended.
+  /// Returns when the check in progress has ended.
   ~Doctor();
 
   Doctor(const Doctor&) = delete;
@@ -49,17 +49,17 @@ class Doctor {
  private:
   void work();
   void measureIfDue();
-  void examineAndReport();
+  void checkAndReport();
   void lookForTopics(const InputFacts& input, double age_s);
   double age_s() const { return (ros::WallTime::now() - start_).toSec(); }
 
   const std::string name_;
-  const Patient patient_;
+  const Sources sources_;
   const ros::WallTime start_;
   ros::Publisher publisher_;
 
   // Used by the thread only.
-  DoctorExamination examination_;
+  DoctorChecks checks_;
   ReportSchedule schedule_;
   StereoMessages last_measured_;
   int num_measured_ = 0;

@@ -73,6 +73,10 @@ const char* toString(DoctorSubject subject) {
       return "disparity";
     case Subject::kMounting:
       return "tf";
+    case Subject::kMasks:
+      return "masks";
+    case Subject::kImu:
+      return "imu";
     case Subject::kSpeed:
       return "speed";
     case Subject::kClock:
@@ -107,7 +111,7 @@ std::string formatReport(const std::vector<DoctorLine>& lines) {
     std::snprintf(head.data(), head.size(), "%-5s  %-17s  ", toString(line.level),
                   toString(line.subject));
     text << head.data() << line.text << '\n';
-    if (!line.cure.empty()) text << std::string(26, ' ') << "-> " << line.cure << '\n';
+    if (!line.hint.empty()) text << std::string(26, ' ') << "-> " << line.hint << '\n';
   }
   return text.str();
 }
@@ -128,8 +132,8 @@ diagnostic_msgs::DiagnosticArray toDiagnosticArray(const std::vector<DoctorLine>
     status.level = toStatusLevel(line.level);
     status.name = node + ": " + toString(line.subject);
     status.hardware_id = "stereo camera";
-    status.message = line.cure.empty() ? line.text : line.text + "; " + line.cure;
-    if (!line.cure.empty()) status.values.push_back(value("cure", line.cure));
+    status.message = line.hint.empty() ? line.text : line.text + "; " + line.hint;
+    if (!line.hint.empty()) status.values.push_back(value("hint", line.hint));
     for (const auto& [key, text] : line.values) status.values.push_back(value(key, text));
     array.status.push_back(status);
   }

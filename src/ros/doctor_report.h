@@ -12,7 +12,7 @@
 
 namespace point_line_odometry {
 
-enum class DoctorLevel { kOk, kUnknown, kWarn, kError };  ///< in the order of their weight
+enum class DoctorLevel { kOk, kUnknown, kWarn, kError };  ///< in the order of severity
 
 const char* toString(DoctorLevel level);
 
@@ -29,6 +29,8 @@ enum class DoctorSubject {
   kRectification,
   kDisparity,
   kMounting,
+  kMasks,
+  kImu,
   kSpeed,
   kClock
 };
@@ -40,34 +42,34 @@ struct DoctorLine {
   DoctorSubject subject = DoctorSubject::kLeftImage;
   DoctorLevel level = DoctorLevel::kOk;
   std::string text;
-  std::string cure;  ///< empty for kOk and kUnknown, never for the others
+  std::string hint;  ///< empty for kOk and kUnknown, never for the others
   std::vector<std::pair<std::string, std::string>> values;  ///< what was measured, with units
 
   bool failed() const { return level >= DoctorLevel::kWarn; }
 };
 
-/// The heaviest level of the lines, kOk for none.
+/// The most severe level of the lines, kOk for none.
 DoctorLevel worstLevel(const std::vector<DoctorLine>& lines);
 
 /// "2 errors, 1 warning, 3 not known yet", or "all is well".
 std::string summarize(const std::vector<DoctorLine>& lines);
 
-/// The report for a terminal: a row for each line, its cure below it.
+/// The report for a terminal: a row for each line, its hint below it.
 std::string formatReport(const std::vector<DoctorLine>& lines);
 
-/// One status per line, as rqt shows them; the cure stands in the message and among the values.
+/// One status per line, as rqt shows them; the hint is part of the message and one of the values.
 diagnostic_msgs::DiagnosticArray toDiagnosticArray(const std::vector<DoctorLine>& lines,
                                                    const std::string& node, const ros::Time& stamp);
 
-/// When a node reports: two seconds after its start, and until all is well again whenever the
-/// levels have changed, at ever longer intervals and a bounded number of times.
+/// When a node reports: two seconds after its start, then whenever levels have changed until all is
+/// well, at intervals that double and at most kMostReports times.
 class ReportSchedule {
  public:
   static constexpr double kFirst_s = 2.0;
   static constexpr int kMostReports = 10;
 
-  /// True if these lines are to be reported now; counts as done then. \param age_s time since the
-  /// start, never less than at the last call.
+  /// True if these lines are to be reported now; the caller then does so. \param age_s time since
+  /// the start, never less than at the last call.
   bool due(double age_s, const std::vector<DoctorLine>& lines);
 
  private:

@@ -56,7 +56,7 @@ void FlightRecorder::prepare(const FrameStart& start) {
       parameters_ = std::make_shared<const Parameters>(now);
   } catch (const std::exception& error) {
     ring_->clear();
-    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder begins anew: %s", error.what());
+    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder is reset: %s", error.what());
   }
 }
 
@@ -66,11 +66,11 @@ void FlightRecorder::add(const StereoMessages& messages, const ProcessedFrame& f
     const FrameNames names{target_.parameters.odom_frame_id, target_.parameters.base_frame_id};
     ring_->add({messages, toOdometry(frame, names), frame.result.state, frame.result.reason,
                 frame.result.T_odom_camera, frame.T_base_camera * frame.T_header_camera.inverse(),
-                parameters_});
+                parameters_, frame.masks.left, frame.masks.right, frame.prior, frame.tilt});
     watchForLoss(frame.result.state);
   } catch (const std::exception& error) {
     ring_->clear();
-    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder begins anew: %s", error.what());
+    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder is reset: %s", error.what());
   }
 }
 

@@ -20,20 +20,20 @@ namespace point_line_odometry {
 
 /// Keeps the latest frames of the odometry and writes them to disk when the service
 /// `dump_recording` is called and when the state becomes LOST: once for each loss, and not more
-/// often than `recorder/lost_period_s`. A thread of its own writes and answers the service. While a
-/// recording is written its images stay in memory, one of each kind at most. What goes wrong is
-/// logged, and never disturbs the odometry.
+/// often than `recorder/lost_period_s`. A thread of its own writes and answers the service. The
+/// images of a recording stay in memory while it is written, one recording of each kind at most.
+/// Errors are logged and never disturb the odometry.
 class FlightRecorder {
  public:
   /// \param private_nh where the service is offered.
   FlightRecorder(const ros::NodeHandle& private_nh, const RecordingTarget& target);
 
-  /// Returns when all that was asked for is written.
+  /// Returns when all requested recordings are written.
   ~FlightRecorder();
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
-  /// To be called before the odometry takes a frame.
+  /// To be called before the odometry processes a frame.
   void prepare(const FrameStart& start);
 
   /// To be called after that, by the same thread, if the frame was accepted.
@@ -48,7 +48,7 @@ class FlightRecorder {
   void write();
 
   const RecordingTarget target_;
-  const std::unique_ptr<FrameRing> ring_;  // null: switched off
+  const std::unique_ptr<FrameRing> ring_;  // null: disabled
   std::shared_ptr<const Parameters> parameters_;
   bool was_lost_ = false;
   std::optional<Clock::time_point> last_loss_;

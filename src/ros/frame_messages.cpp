@@ -3,10 +3,12 @@
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
+#include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/se3.h"
 #include "point_line_odometry/feature_overlay.h"
 #include "ros/conversions.h"
 
@@ -38,8 +40,8 @@ visualization_msgs::Marker lineMarker(const std_msgs::Header& header, const std:
 
 void append(const Eigen::Vector3d& start, const Eigen::Vector3d& end,
             visualization_msgs::Marker* marker) {
-  marker->points.push_back(toPoint(start));
-  marker->points.push_back(toPoint(end));
+  marker->points.push_back(tf2::toMsg(start));
+  marker->points.push_back(tf2::toMsg(end));
 }
 
 template <typename Segment>
@@ -91,7 +93,7 @@ std::uint8_t toInfoState(TrackingState state) {
 
 nav_msgs::Odometry toOdometry(const ProcessedFrame& frame, const FrameNames& names) {
   const FrameResult& result = frame.result;
-  const Matrix6d base_from_camera = twistAdjoint(frame.T_base_camera);
+  const Matrix6d base_from_camera = adjoint(frame.T_base_camera);
   const Vector6d twist = base_from_camera * result.twist;
 
   nav_msgs::Odometry odometry;
@@ -99,27 +101,24 @@ nav_msgs::Odometry toOdometry(const ProcessedFrame& frame, const FrameNames& nam
   odometry.header.frame_id = names.odom;
   odometry.child_frame_id = names.base;
   odometry.pose.pose = toPose(frame.T_odom_base());
-  odometry.pose.covariance = toCovariance(basePoseCovariance(
-      result.pose_covariance, result.T_odom_camera, frame.T_base_camera.inverse()));
-  odometry.twist.twist.linear.x = twist[0];
-  odometry.twist.twist.linear.y = twist[1];
-  odometry.twist.twist.linear.z = twist[2];
-  odometry.twist.twist.angular.x = twist[3];
-  odometry.twist.twist.angular.y = twist[4];
-  odometry.twist.twist.angular.z = twist[5];
+  odometry.pose.covariance =
+      toCovariance(composeCovariance(result.T_odom_camera, result.pose_covariance,
+                                     frame.T_base_camera.inverse(), Matrix6d::Zero()));
+  odometry.twist.twist = tf2::toMsg(twist);
   odometry.twist.covariance =
       toCovariance(base_from_camera * result.twist_covariance * base_from_camera.transpose());
   return odometry;
 }
 
 geometry_msgs::TransformStamped toTransformStamped(const ProcessedFrame& frame,
-                                                   const FrameNames& names, bool invert) {
-  const Eigen::Isometry3d T_odom_base = frame.T_odom_base();
+                                                   const FrameNames& names, bool invert,
+                                                   const Eigen::Isometry3d& T_child_base) {
+  const Eigen::Isometry3d T_odom_child = frame.T_odom_base() * T_child_base.inverse();
   geometry_msgs::TransformStamped transform;
   transform.header.stamp = frame.header.stamp;
   transform.header.frame_id = invert ? names.base : names.odom;
   transform.child_frame_id = invert ? names.odom : names.base;
-  transform.transform = toTransform(invert ? T_odom_base.inverse() : T_odom_base);
+  transform.transform = toTransform(invert ? T_odom_child.inverse() : T_odom_child);
   return transform;
 }
 
@@ -166,11 +165,11 @@ visualization_msgs::MarkerArray toLineMarkers(const ProcessedFrame& frame) {
   return markers;
 }
 
-visualization_msgs::Marker toLandmarkMarker(const std::deque<LandmarkSegment>& landmarks,
-                                            const std_msgs::Header& header) {
+visualization_msgs::Marker toAccumulatedMarker(const std::deque<AccumulatedSegment>& segments,
+                                               const std_msgs::Header& header) {
   constexpr double kWidthM = 0.015;
   auto marker = lineMarker(header, "landmarks", kWidthM, color(0.3F, 0.55F, 1.0F));
-  for (const LandmarkSegment& landmark : landmarks) append(landmark.start, landmark.end, &marker);
+  for (const AccumulatedSegment& segment : segments) append(segment.start, segment.end, &marker);
   return marker;
 }
 
@@ -182,10 +181,10 @@ visualization_msgs::Marker deleteAllMarkers(const std_msgs::Header& header) {
   return marker;
 }
 
-std::vector<LandmarkSegment> toLandmarks(const ProcessedFrame& frame) {
+std::vector<AccumulatedSegment> toAccumulatedSegments(const ProcessedFrame& frame) {
   constexpr double kMaxDepthInBaselines = 50.0;
   const auto max_depth_m = static_cast<float>(kMaxDepthInBaselines * frame.camera.baseline_m);
-  std::vector<LandmarkSegment> landmarks;
+  std::vector<AccumulatedSegment> landmarks;
   for (const ObservedLine& line : frame.result.lines) {
     const float depth_m = std::max(line.start_camera.z(), line.end_camera.z());
     if (!line.inlier || depth_m > max_depth_m) continue;
@@ -231,6 +230,9 @@ OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, 
   if (result.reason != TrackingReason::kNone) info.reason = toString(result.reason);
   setCounts(result.counts, &info);
   info.rms_px = std::isfinite(result.rms_px) ? result.rms_px : 0.0;
+  info.prior = toString(result.prior.use);
+  info.prior_chi_square = std::isfinite(result.prior.chi_square) ? result.prior.chi_square : 0.0;
+  info.prior_axes = static_cast<std::uint32_t>(result.prior.axes);
   for (int i = 0; i < kNumStages; ++i) {
     const auto stage = static_cast<Stage>(i);
     info.stage_names.emplace_back(toString(stage));
@@ -249,8 +251,8 @@ OdometryInfo toInfo(const ProcessedFrame& frame, const FrameCounters& counters, 
 }
 
 sensor_msgs::ImagePtr toFeaturesImage(const ProcessedFrame& frame) {
-  const cv::Mat picture = drawFeatures(frame.left, frame.result);
-  return cv_bridge::CvImage(frame.header, sensor_msgs::image_encodings::BGR8, picture).toImageMsg();
+  const cv::Mat image = drawFeatures(frame.left, frame.result, frame.left_mask);
+  return cv_bridge::CvImage(frame.header, sensor_msgs::image_encodings::BGR8, image).toImageMsg();
 }
 
 double latencyMs(const ros::Time& stamp, const ros::Time& now) {

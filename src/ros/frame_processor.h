@@ -4,20 +4,27 @@
 #include <sensor_msgs/Image.h>
 
 #include <Eigen/Geometry>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <vector>
 
+#include "dataset/mask_file.h"
+#include "point_line_odometry/gravity.h"
+#include "point_line_odometry/gyroscope.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
+#include "point_line_odometry/types.h"
+#include "point_line_odometry/wheel_odometry.h"
 #include "ros/confirmation.h"
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
 
 namespace point_line_odometry {
 
-/// A stamp older by up to so much is that of a message that comes late; by more, the clock has
-/// jumped back [s].
+/// A message whose stamp is older by at most this is late; by more, the clock has jumped back [s].
 constexpr double kMaxLateness_s = 1.0;
 
 /// One synchronised set of input messages.
@@ -26,44 +33,68 @@ struct StereoMessages {
   sensor_msgs::ImageConstPtr right;
   sensor_msgs::CameraInfoConstPtr left_info;
   sensor_msgs::CameraInfoConstPtr right_info;
+  sensor_msgs::ImageConstPtr left_mask = nullptr;  ///< with the stamp of its image; null: none
+  sensor_msgs::ImageConstPtr right_mask = nullptr;
 };
 
-/// The odometry as it is before it takes a frame.
+/// The odometry before it processes a frame.
 struct FrameStart {
   StereoOdometry& odometry;
   bool continues;                 ///< false after a start, reset, other calibration or exception
-  Eigen::Isometry3d T_odom_base;  ///< at the last frame, or where this one starts
+  Eigen::Isometry3d T_odom_base;  ///< at the last frame, or initial pose of this one
 };
 
-/// Leads one set of messages after the other through the core, and keeps what the core knows
-/// nothing of: the calibration that comes with each frame, the place of the camera on the robot,
-/// and what to do when the clock jumps back. Jumps are to be confirmed before (StampFilter);
-/// another calibration is taken when kConfirmations frames in a row have it. Needs no node; not
-/// thread-safe.
+/// Processes sets of messages with the core, and handles what the core does not: camera_info that
+/// comes with each frame, the mounting of the camera on the robot, and clocks that jump back. Jumps
+/// must be confirmed before (StampFilter); another calibration is accepted when kConfirmations
+/// frames in a row have it. Needs no node; not thread-safe.
 class FrameProcessor {
  public:
+  /// Throws InputError if a mask file cannot be read.
   explicit FrameProcessor(AllParameters parameters);
 
-  /// Converts, rectifies if asked to, and tracks.
+  /// Converts, rectifies (with `rectify`), and tracks.
   /// \param T_base_header pose in the base of the frame that the left image's header names (the raw
   /// camera if images are raw). Throws MessageError if a message cannot be used; the state is then
-  /// as before. Throws std::runtime_error if the core gives a number that is not finite.
+  /// as before. Throws std::runtime_error if the core returns a number that is not finite.
   ProcessedFrame process(const StereoMessages& messages, const Eigen::Isometry3d& T_base_header);
 
-  /// Forgets the past; the base has this pose at the next frame.
+  /// Takes samples of the IMU, for imu/enabled. \param T_base_imu its pose in the base.
+  void addImu(const std::vector<ImuSample>& samples, const Eigen::Isometry3d& T_base_imu);
+
+  /// True if further samples do not change the prior of a frame, or there is no IMU in use.
+  bool hasImuUntil(std::int64_t stamp_ns) const;
+
+  /// The gyroscope in use; null without one.
+  const Gyroscope* gyroscope() const { return gyroscope_ ? &*gyroscope_ : nullptr; }
+
+  /// The estimate of gravity in use; null without one.
+  const Gravity* gravity() const { return gravity_ ? &*gravity_ : nullptr; }
+
+  /// Takes poses by wheels, for wheels/enabled. \param T_base_body pose in the base of the frame
+  /// that they are of.
+  void addWheels(const std::vector<OdometrySample>& samples, const Eigen::Isometry3d& T_base_body);
+
+  /// True if further poses do not change the prior of a frame, or there are no wheels in use.
+  bool hasWheelsUntil(std::int64_t stamp_ns) const;
+
+  /// The wheels in use; null without.
+  const WheelOdometry* wheels() const { return wheels_ ? &*wheels_ : nullptr; }
+
+  /// Resets the odometry; the base has this pose at the next frame.
   void reset(const Eigen::Isometry3d& T_odom_base);
 
-  /// Takes other parameters of the core, which must be allowed, from the next frame on.
+  /// Uses other parameters of the core, which must be valid, from the next frame on.
   void setParameters(const Parameters& core);
 
-  /// `observe` is called before each frame that the odometry takes.
+  /// `observe` is called before each frame that the odometry processes.
   void observeStarts(std::function<void(const FrameStart&)> observe);
 
   /// Uses this share of the numbers of features in the parameters from the next frame on.
   void setFeatureBudget(double share);
 
-  /// True if the last call of process() found the clock jumped back and began anew.
-  bool startedAnew() const { return started_anew_; }
+  /// True if the last call of process() reset the odometry as the clock had jumped back.
+  bool wasReset() const { return was_reset_; }
 
  private:
   struct InfoPair {
@@ -73,7 +104,7 @@ class FrameProcessor {
     bool operator==(const InfoPair& other) const;
   };
 
-  /// What follows from a pair of camera_infos.
+  /// A pair of camera_infos and what is computed from them.
   struct Calibration {
     InfoPair infos;
     StereoCalibration stereo;
@@ -84,23 +115,36 @@ class FrameProcessor {
   };
 
   StereoImages receive(const StereoMessages& messages);
+  void takeMasks(const StereoMessages& messages, StereoImages* received, FrameMasks* masks) const;
   static Calibration makeCalibration(const InfoPair& infos);
   [[noreturn]] void rejectUnconfirmed(const InfoPair& infos) const;
   void takeCalibration(Calibration calibration);
   void handleTimeJump(std::int64_t stamp_ns);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
+  void startImu();
+  void startGravity();
+  void startWheels();
+  std::optional<MotionPrior> priorOf(std::int64_t stamp_ns) const;
   Parameters budgetedParameters() const;
 
   AllParameters parameters_;
+  StaticMasks static_masks_;
   std::optional<Calibration> calibration_;
   Confirmation<InfoPair> other_infos_;
   std::optional<StereoOdometry> odometry_;
+  std::optional<Eigen::Isometry3d> T_base_imu_;
+  std::optional<Gyroscope> gyroscope_;
+  std::optional<Gravity> gravity_;                // only with a gyroscope
+  std::deque<ImuSample> early_samples_;           // before there was one
+  std::optional<Eigen::Isometry3d> T_base_body_;  // of the wheels
+  std::optional<WheelOdometry> wheels_;
+  std::deque<OdometrySample> early_wheel_samples_;
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d T_odom_base_;  // at the last frame, or where the next one starts
+  Eigen::Isometry3d T_odom_base_;  // at the last frame, or initial pose of the next one
   std::optional<std::int64_t> last_stamp_ns_;
-  bool started_anew_ = false;
-  bool continues_ = false;  // nothing has come between the last frame and the next one
+  bool was_reset_ = false;
+  bool continues_ = false;  // as in FrameStart
   std::function<void(const FrameStart&)> observe_start_;
   double feature_budget_ = 1.0;
 };

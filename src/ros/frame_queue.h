@@ -12,9 +12,8 @@
 
 namespace point_line_odometry {
 
-/// Bounded queue between one producer that never waits and one consumer that does: a full queue
-/// drops its oldest item, so that what is processed is never older than the queue is long.
-/// Thread-safe.
+/// Bounded queue between one producer, which never waits, and one consumer, which does: a full
+/// queue drops its oldest item, which bounds the latency. Thread-safe.
 template <typename Item>
 class FrameQueue {
  public:
@@ -30,9 +29,8 @@ class FrameQueue {
     return !full;
   }
 
-  /// Waits for an item for which `ready` is true (asked again every `retry` for the oldest item)
-  /// and takes it out. Returns nothing once the queue is stopped. push() does not wait for `ready`,
-  /// however long that takes.
+  /// Waits until `ready` is true of the oldest item (called again every `retry`) and removes it.
+  /// Returns nothing once the queue is stopped. push() never waits for `ready`.
   std::optional<Item> popWhen(const std::function<bool(const Item&)>& ready,
                               std::chrono::milliseconds retry) {
     std::unique_lock<std::mutex> lock(mutex_);
@@ -52,7 +50,7 @@ class FrameQueue {
     }
   }
 
-  /// Drops everything that waits.
+  /// Drops all items.
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
     num_removed_ += items_.size();
@@ -76,7 +74,7 @@ class FrameQueue {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Item> items_;
-  std::uint64_t num_removed_ = 0;  // ever; tells whether the oldest item is still the same
+  std::uint64_t num_removed_ = 0;  // since the start; if it changed, so did the oldest item
   bool stopped_ = false;
 };
 

@@ -13,13 +13,23 @@ bool FrameRing::full(const Half& half) const {
   return half.frames.size() >= frames_of_half_ || half.bytes >= bytes_of_half_;
 }
 
+/// A mask that does not change is shared by the frames.
+std::size_t FrameRing::bytesOf(const RecordedFrame& frame, const RecordedFrame* before) {
+  std::size_t bytes = frame.messages.left->data.size() + frame.messages.right->data.size();
+  for (cv::Mat RecordedFrame::*mask : {&RecordedFrame::left_mask, &RecordedFrame::right_mask}) {
+    const cv::Mat& own = frame.*mask;
+    if (before == nullptr || (before->*mask).data != own.data) bytes += own.total();
+  }
+  return bytes;
+}
+
 void FrameRing::prepare(const FrameStart& start) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!start.continues) older_ = newer_ = Half();
     if (newer_.start && !full(newer_)) return;
   }
-  // Only this thread changes the halves: readers need not wait while the state is taken.
+  // Only this thread changes the halves: no lock is needed while the state is saved.
   auto before = std::make_shared<RecordedStart>();
   before->state = start.odometry.saveState();
   before->T_odom_base = start.T_odom_base;
@@ -32,7 +42,7 @@ void FrameRing::prepare(const FrameStart& start) {
 void FrameRing::add(RecordedFrame frame) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!newer_.start) return;
-  newer_.bytes += frame.messages.left->data.size() + frame.messages.right->data.size();
+  newer_.bytes += bytesOf(frame, newer_.frames.empty() ? nullptr : &newer_.frames.back());
   newer_.frames.push_back(std::move(frame));
 }
 

@@ -2,7 +2,9 @@
 
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
+#include <tf2_eigen/tf2_eigen.h>
 
+#include "geometry/se3.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -11,27 +13,15 @@ namespace {
 constexpr std::uint32_t kQueueSize = 10;
 constexpr double kPathPeriod_s = 0.5;
 
-geometry_msgs::Vector3 toVector3(const Eigen::Vector3d& v) {
-  geometry_msgs::Vector3 vector;
-  vector.x = v.x();
-  vector.y = v.y();
-  vector.z = v.z();
-  return vector;
-}
-
-/// Velocity of the base in its own axes, from where it is a frame earlier and a frame later.
+/// Velocity of the base in its own axes: central difference of the poses before and after.
 geometry_msgs::Twist toTwist(const std::array<StampedPose, 3>& poses) {
   const Eigen::Isometry3d T_odom_before = toBasePose(poses[0].T_world_camera);
   const Eigen::Isometry3d T_odom_base = toBasePose(poses[1].T_world_camera);
   const Eigen::Isometry3d T_odom_after = toBasePose(poses[2].T_world_camera);
   const double dt_s = static_cast<double>(poses[2].stamp_ns - poses[0].stamp_ns) * 1e-9;
-  const Eigen::AngleAxisd turn(T_odom_before.linear().transpose() * T_odom_after.linear());
-  const Eigen::Vector3d turn_odom = T_odom_before.linear() * (turn.angle() * turn.axis());
-  const Eigen::Vector3d step_odom = T_odom_after.translation() - T_odom_before.translation();
-  geometry_msgs::Twist twist;
-  twist.linear = toVector3(T_odom_base.linear().transpose() * step_odom / dt_s);
-  twist.angular = toVector3(T_odom_base.linear().transpose() * turn_odom / dt_s);
-  return twist;
+  const Vector6d step_odom = poseDifference(T_odom_before, T_odom_after);
+  const Vector6d twist = blockRotation(T_odom_base.linear().transpose()) * step_odom / dt_s;
+  return tf2::toMsg(twist);
 }
 
 }  // namespace

@@ -7,25 +7,24 @@
 #include <array>
 #include <deque>
 
-#include "point_line_odometry/trajectory.h"
+#include "dataset/trajectory.h"
 #include "ros/camera_messages.h"
 
 namespace point_line_odometry {
 
-/// Publishes the true pose of the base in odom, which lies where the base is at the first frame:
-/// /ground_truth/odom at every frame, /ground_truth/path at most twice a second, both only if
-/// somebody listens. No tf, as the place of the base in tf is the odometry's to tell. Not
-/// thread-safe.
+/// Publishes the true pose of the base in odom, which is the pose of the base at the first frame:
+/// /ground_truth/odom at every frame, /ground_truth/path at most twice a second, both only if they
+/// have subscribers. No tf: odom -> base is published by the odometry. Not thread-safe.
 class GroundTruthPublisher {
  public:
   GroundTruthPublisher(ros::NodeHandle nh, const CameraFrameNames& names,
                        std::size_t path_max_length);
 
   /// \param poses of the left camera relative to the first frame: before, at and after this frame;
-  /// the velocity is taken from the outer ones.
+  /// the velocity is computed from the outer ones.
   void publish(const ros::Time& stamp, const std::array<StampedPose, 3>& poses);
 
-  /// Publishes the path as it is now, for everyone who listens now or later.
+  /// Publishes the path now, latched.
   void publishPath();
 
  private:

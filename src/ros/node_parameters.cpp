@@ -1,7 +1,6 @@
 #include "ros/node_parameters.h"
 
-#include "odometry/parameter_checker.h"
-#include "ros/parameter_tree.h"
+#include "common/parameter_checker.h"
 
 namespace point_line_odometry {
 namespace {
@@ -30,7 +29,24 @@ std::vector<std::string> checkNodeParameters(const NodeParameters& parameters) {
   if (parameters.odom_frame_id == parameters.base_frame_id) {
     checker.errors.emplace_back("odom_frame_id and base_frame_id are the same, but must differ");
   }
+  if (usesTfGuess(parameters) && (parameters.guess_frame_id == parameters.base_frame_id ||
+                                  parameters.guess_frame_id == parameters.odom_frame_id)) {
+    checker.errors.emplace_back(
+        "guess_frame_id is base_frame_id or odom_frame_id, but must be the frame of another "
+        "odometry");
+  }
   return checker.errors;
+}
+
+bool usesTfGuess(const NodeParameters& parameters) { return parameters.guess_frame_id != kNoFrame; }
+
+bool usesWheels(const AllParameters& parameters) {
+  return parameters.core.wheels.enabled || usesTfGuess(parameters.node);
+}
+
+bool expectsMask(const NodeParameters& parameters, std::size_t camera) {
+  return parameters.mask_images == "both" ||
+         parameters.mask_images == (camera == 0 ? "left" : "right");
 }
 
 Eigen::Isometry3d initialPose(const NodeParameters& parameters) {
@@ -42,25 +58,6 @@ Eigen::Isometry3d initialPose(const NodeParameters& parameters) {
                              .toRotationMatrix();
   T_odom_base.translation() = Eigen::Vector3d(pose.x, pose.y, pose.z);
   return T_odom_base;
-}
-
-AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree) {
-  AllParameters parameters;
-  ParameterTree values(tree);
-  visitNodeParameters(parameters.node, values);
-  visitParameters(parameters.core, values);
-  values.ignoreSection(parameters.node.image_transport);  // the transport's own
-  std::vector<std::string> errors = values.errors();
-  for (const auto& more :
-       {checkNodeParameters(parameters.node), checkParameters(parameters.core)}) {
-    errors.insert(errors.end(), more.begin(), more.end());
-  }
-  requireNoParameterErrors(errors);
-  return parameters;
-}
-
-AllParameters loadNodeParameters(const ros::NodeHandle& private_nh) {
-  return parseParameters(readPrivateParameters(private_nh));
 }
 
 }  // namespace point_line_odometry

@@ -1,20 +1,23 @@
 #pragma once
 
-#include <ros/node_handle.h>
-#include <xmlrpcpp/XmlRpcValue.h>
-
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <string>
 #include <vector>
 
+#include "dataset/mask_file.h"
 #include "point_line_odometry/parameters.h"
 
 namespace point_line_odometry {
+
+/// The name that stands for no frame.
+constexpr const char* kNoFrame = "none";
 
 /// Settings of the ROS node; those of the core are in Parameters.
 struct NodeParameters {
   std::string odom_frame_id = "odom";
   std::string base_frame_id = "base_link";
+  std::string guess_frame_id = kNoFrame;
   bool publish_tf = true;
   bool invert_tf = false;
   struct {
@@ -31,6 +34,11 @@ struct NodeParameters {
   int queue_size = 5;
   std::string image_transport = "raw";
   bool rectify = false;
+  struct {
+    std::string mask = kNoMask;
+  } left, right;
+  std::string mask_images = "none";
+  double mask_wait_s = 0.2;
   std::string on_time_jump = "reset";
   double watchdog_timeout_s = 5.0;
   double target_frame_time_ms = 0.0;
@@ -51,13 +59,18 @@ struct NodeParameters {
 /// The one table of the node's parameters; `visit` is called as by visitParameters(), and for free
 /// text as `visit(name, value, text)`.
 template <typename AnyNodeParameters, typename Visitor>
+// NOLINTNEXTLINE(readability-function-size): a table
 void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
   visit("odom_frame_id", p.odom_frame_id, "frame in which the pose is published");
   visit("base_frame_id", p.base_frame_id,
-        "frame whose pose is published; tf must know where the camera sits in it");
+        "frame whose pose is published; tf must know the pose of the camera in it");
+  visit("guess_frame_id", p.guess_frame_id,
+        "frame in which tf knows the pose of base_frame_id by another odometry: its motion between "
+        "the stamps of two frames is used instead of the topic prior_odom, whatever "
+        "wheels/enabled is; tf is then odom_frame_id -> guess_frame_id. none: not used");
   visit("publish_tf", p.publish_tf, "publish odom_frame_id -> base_frame_id on tf");
   visit("invert_tf", p.invert_tf,
-        "publish the tf the other way round, for trees where base_frame_id already has a parent");
+        "publish the inverse tf, for trees where base_frame_id already has a parent");
   visit("initial_pose/x", p.initial_pose.x, -1e6, 1e6, "m",
         "pose of base_frame_id in odom_frame_id at the first frame");
   visit("initial_pose/y", p.initial_pose.y, -1e6, 1e6, "m", "as initial_pose/x");
@@ -76,6 +89,15 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
   visit("image_transport", p.image_transport,
         "transport of the input images: raw, compressed, ...");
   visit("rectify", p.rectify, "subscribe to image_raw and rectify here with camera_info");
+  visit("left/mask", p.left.mask,
+        "file of an image of the left camera's size (before rectification, if `rectify`), 8 bit: "
+        "pixels where it is 0 are ignored; none: all are used");
+  visit("right/mask", p.right.mask, "the same for the right camera");
+  visit("mask_images", p.mask_images, std::vector<std::string>{"none", "left", "right", "both"},
+        "cameras with a mask for each image on left/mask_image or right/mask_image, in addition to "
+        "the files");
+  visit("mask_wait_s", p.mask_wait_s, 0.0, 10.0, "s",
+        "time that a pair waits for its masks after it has come; then it is used without them");
   visit("on_time_jump", p.on_time_jump, std::vector<std::string>{"reset", "keep_pose", "ignore"},
         "when stamps jump back by more than a second and three messages in a row confirm it: start "
         "at initial_pose, go on from the last pose, or drop frames");
@@ -93,9 +115,9 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
         "replay can begin add about 20 MB");
   visit("recorder/when_lost", p.recorder.when_lost, "write them when the state becomes LOST");
   visit("recorder/lost_period_s", p.recorder.lost_period_s, 0.0, 1e6, "s",
-        "of wall time, in which this is done once at most");
+        "shortest time between two recordings when LOST, wall time");
   visit("recorder/max_files", p.recorder.max_files, 1, 100000, "recordings",
-        "kept on disk, the newest: so many of each kind, written when LOST and by the service");
+        "kept on disk: the newest of each kind, written when LOST and by the service");
   visit("recorder/folder", p.recorder.folder,
         "where a folder of this node is made for them; within ROS_HOME (~/.ros) unless it begins "
         "with a slash");
@@ -103,7 +125,7 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
   visit("path_max_length", p.path_max_length, 2, 1000000, "poses",
         "latest poses kept in the topic path");
   visit("landmarks_max_count", p.landmarks_max_count, 0, 1000000, "segments",
-        "latest segments kept as landmarks in the topic lines");
+        "latest accumulated segments in the topic lines");
 }
 
 /// Names in the table above, for loadParameters()' `ignored`.
@@ -112,6 +134,12 @@ std::vector<std::string> nodeParameterNames();
 /// One sentence for each node parameter that is out of its range or not among its choices; empty if
 /// all are fine.
 std::vector<std::string> checkNodeParameters(const NodeParameters& parameters);
+
+/// Whether images of a camera (0: left) have masks of their own.
+bool expectsMask(const NodeParameters& parameters, std::size_t camera);
+
+/// Whether the motion of the base in another frame is looked up in tf.
+bool usesTfGuess(const NodeParameters& parameters);
 
 /// Pose of the base in odom at the first frame.
 Eigen::Isometry3d initialPose(const NodeParameters& parameters);
@@ -122,12 +150,7 @@ struct AllParameters {
   Parameters core;
 };
 
-/// Sets what `tree` (the struct of private parameters, nested as their paths) names. Throws
-/// std::runtime_error with one sentence that names every unknown name, wrong type and value out of
-/// range.
-AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree);
-
-/// parseParameters() of everything under the private node handle on the parameter server.
-AllParameters loadNodeParameters(const ros::NodeHandle& private_nh);
+/// Whether wheels, or what stands for them in tf, give motion priors.
+bool usesWheels(const AllParameters& parameters);
 
 }  // namespace point_line_odometry

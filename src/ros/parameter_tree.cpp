@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "common/join.h"
+#include "common/retired_parameters.h"
 
 namespace point_line_odometry {
 namespace {
@@ -70,6 +71,13 @@ bool ParameterTree::expect(const char* name, bool right_type, const char* wanted
 void ParameterTree::ignoreSection(const std::string& section) {
   for (auto leaf = leaves_.begin(); leaf != leaves_.end();)
     leaf = leaf->first.rfind(section + "/", 0) == 0 ? leaves_.erase(leaf) : std::next(leaf);
+}
+
+std::vector<std::string> ParameterTree::ignoreRetired() {
+  std::vector<std::string> warnings;
+  for (auto leaf = leaves_.begin(); leaf != leaves_.end();)
+    leaf = isRetired(leaf->first, &warnings) ? leaves_.erase(leaf) : std::next(leaf);
+  return warnings;
 }
 
 std::vector<std::string> ParameterTree::errors() const {

@@ -10,7 +10,7 @@
 namespace point_line_odometry {
 
 /// Visitor of parameter tables that sets what a struct of private parameters (nested as the names'
-/// paths) holds, and remembers what does not fit.
+/// paths) holds, and collects errors.
 class ParameterTree {
  public:
   explicit ParameterTree(XmlRpc::XmlRpcValue tree);
@@ -23,11 +23,14 @@ class ParameterTree {
     leaves_.erase(leaf);
   }
 
-  /// Names that begin with this and a slash are somebody else's.
+  /// Names that begin with this and a slash are not checked.
   void ignoreSection(const std::string& section);
 
-  /// One sentence for each value of a wrong type and each name that no table so far had; empty if
-  /// all are fine. Names of the libraries that a node uses do not count.
+  /// Passes over the names of retired parameters. \return a warning for each.
+  std::vector<std::string> ignoreRetired();
+
+  /// One sentence for each value of a wrong type and each name that none of the visited tables had;
+  /// empty if all are fine. Names that libraries of the node use are accepted.
   std::vector<std::string> errors() const;
 
  private:

@@ -8,6 +8,7 @@
 #include <boost/make_shared.hpp>
 #include <utility>
 
+#include "geometry/se3.h"
 #include "ros/conversions.h"
 
 namespace point_line_odometry {
@@ -15,16 +16,15 @@ namespace {
 
 constexpr std::uint32_t kQueueSize = 10;
 
-/// True if the camera sees enough of something new for another set of landmarks.
+/// True if the camera has moved far enough for another set of segments.
 bool movedOn(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
   constexpr double kStepM = 0.5;
   constexpr double kStepRad = 0.2;
   const Eigen::Isometry3d T_a_b = T_odom_a.inverse() * T_odom_b;
-  return T_a_b.translation().norm() > kStepM ||
-         Eigen::AngleAxisd(T_a_b.linear()).angle() > kStepRad;
+  return T_a_b.translation().norm() > kStepM || rotationAngle(T_a_b.linear()) > kStepRad;
 }
 
-/// Publishes a message that nodelets of the same manager share: nobody writes to it any more.
+/// Publishes a message as a shared pointer, which nodelets of the same manager get without a copy.
 template <typename Message>
 void publishShared(const ros::Publisher& publisher, Message message) {
   publisher.publish(boost::make_shared<const Message>(std::move(message)));
@@ -60,17 +60,31 @@ void Publishers::publish(const ProcessedFrame& frame, const FrameCounters& count
 }
 
 void Publishers::clear() {
+  T_odom_guess_.reset();
   poses_.clear();
-  landmarks_.clear();
-  T_odom_camera_of_last_landmarks_.reset();
+  accumulated_segments_.clear();
+  T_odom_camera_of_last_accumulated_.reset();
   markers_outdated_ = true;
 }
 
 void Publishers::publishPose(const ProcessedFrame& frame) {
-  if (parameters_.publish_tf) {
-    broadcaster_.sendTransform(toTransformStamped(frame, names_, parameters_.invert_tf));
-  }
+  if (parameters_.publish_tf) publishTransform(frame);
   if (odometry_.getNumSubscribers() > 0) publishShared(odometry_, toOdometry(frame, names_));
+}
+
+/// With guess_frame_id, which is the parent of the base, odom is the parent of that. Where tf does
+/// not know the base in it, its last pose in odom is kept.
+void Publishers::publishTransform(const ProcessedFrame& frame) {
+  if (!usesTfGuess(parameters_)) {
+    broadcaster_.sendTransform(toTransformStamped(frame, names_, parameters_.invert_tf));
+    return;
+  }
+  const Eigen::Isometry3d T_odom_base = frame.T_odom_base();
+  if (frame.T_guess_base) T_odom_guess_ = T_odom_base * frame.T_guess_base->inverse();
+  if (!T_odom_guess_) return;
+  broadcaster_.sendTransform(toTransformStamped(frame, {names_.odom, parameters_.guess_frame_id},
+                                                parameters_.invert_tf,
+                                                T_odom_guess_->inverse() * T_odom_base));
 }
 
 void Publishers::publishPath(const ProcessedFrame& frame) {
@@ -89,29 +103,30 @@ void Publishers::publishPath(const ProcessedFrame& frame) {
 
 void Publishers::publishLines(const ProcessedFrame& frame) {
   if (lines_.getNumSubscribers() == 0) return;
-  addLandmarks(frame);
+  accumulateSegments(frame);
   visualization_msgs::MarkerArray markers = toLineMarkers(frame);
   std_msgs::Header odom_header = frame.header;
   odom_header.frame_id = names_.odom;
-  if (!landmarks_.empty()) markers.markers.push_back(toLandmarkMarker(landmarks_, odom_header));
+  if (!accumulated_segments_.empty())
+    markers.markers.push_back(toAccumulatedMarker(accumulated_segments_, odom_header));
   if (markers_outdated_)
     markers.markers.insert(markers.markers.begin(), deleteAllMarkers(odom_header));
   markers_outdated_ = false;
   publishShared(lines_, std::move(markers));
 }
 
-void Publishers::addLandmarks(const ProcessedFrame& frame) {
+void Publishers::accumulateSegments(const ProcessedFrame& frame) {
   if (frame.result.state != TrackingState::kOk) return;
   const Eigen::Isometry3d& T_odom_camera = frame.result.T_odom_camera;
-  if (T_odom_camera_of_last_landmarks_ &&
-      !movedOn(*T_odom_camera_of_last_landmarks_, T_odom_camera)) {
+  if (T_odom_camera_of_last_accumulated_ &&
+      !movedOn(*T_odom_camera_of_last_accumulated_, T_odom_camera)) {
     return;
   }
-  const std::vector<LandmarkSegment> seen = toLandmarks(frame);
+  const std::vector<AccumulatedSegment> seen = toAccumulatedSegments(frame);
   if (seen.empty()) return;
-  landmarks_.insert(landmarks_.end(), seen.begin(), seen.end());
-  limitSize(static_cast<std::size_t>(parameters_.landmarks_max_count), &landmarks_);
-  T_odom_camera_of_last_landmarks_ = T_odom_camera;
+  accumulated_segments_.insert(accumulated_segments_.end(), seen.begin(), seen.end());
+  limitSize(static_cast<std::size_t>(parameters_.landmarks_max_count), &accumulated_segments_);
+  T_odom_camera_of_last_accumulated_ = T_odom_camera;
 }
 
 void Publishers::publishFeatures(const ProcessedFrame& frame) {

@@ -15,9 +15,9 @@
 
 namespace point_line_odometry {
 
-/// The outputs of the node: odom, tf, path, lines, points, features_image, features, info. What
-/// nobody subscribes to is not computed; nodelets of the same manager get it without a copy. Not
-/// thread-safe.
+/// The outputs of the node: odom, tf, path, lines, points, features_image, features, info. A
+/// topic without subscribers is not computed; nodelets of the same manager get it without a copy.
+/// Not thread-safe.
 class Publishers {
  public:
   /// \param nh names are resolved here.
@@ -26,15 +26,16 @@ class Publishers {
   /// Publishes a processed frame; of one that was not accepted only its info.
   void publish(const ProcessedFrame& frame, const FrameCounters& counters, double latency_ms);
 
-  /// Forgets path and landmarks, after the odometry has begun anew.
+  /// Discards path and accumulated segments; to be called after a reset of the odometry.
   void clear();
 
  private:
   void publishPose(const ProcessedFrame& frame);
+  void publishTransform(const ProcessedFrame& frame);
   void publishPath(const ProcessedFrame& frame);
   void publishLines(const ProcessedFrame& frame);
   void publishFeatures(const ProcessedFrame& frame);
-  void addLandmarks(const ProcessedFrame& frame);
+  void accumulateSegments(const ProcessedFrame& frame);
 
   const FrameNames names_;
   const NodeParameters parameters_;
@@ -47,9 +48,10 @@ class Publishers {
   image_transport::Publisher features_image_;
   tf2_ros::TransformBroadcaster broadcaster_;
 
+  std::optional<Eigen::Isometry3d> T_odom_guess_;  // the last one, with guess_frame_id
   std::deque<geometry_msgs::PoseStamped> poses_;
-  std::deque<LandmarkSegment> landmarks_;
-  std::optional<Eigen::Isometry3d> T_odom_camera_of_last_landmarks_;
+  std::deque<AccumulatedSegment> accumulated_segments_;
+  std::optional<Eigen::Isometry3d> T_odom_camera_of_last_accumulated_;
   bool markers_outdated_ = false;
 };
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/join.h"
+#include "common/retired_parameters.h"
 #include "ros/parameter_tree.h"
 
 namespace point_line_odometry {
@@ -20,7 +21,7 @@ using dynamic_reconfigure::ConfigTools;
 
 std::string sectionOf(const std::string& name) { return name.substr(0, name.find('/')); }
 
-/// Sets each number to an end of its range.
+/// Sets each number to the lower or upper end of its range.
 struct RangeEnd {
   bool upper;
 
@@ -56,7 +57,7 @@ struct MessageWriter {
   }
 };
 
-/// A struct for each section: one call of the parameter server for all of its values.
+/// Collects a struct for each section: one call of the parameter server for all of its values.
 struct TreeWriter {
   std::map<std::string, XmlRpc::XmlRpcValue> sections;
 
@@ -73,16 +74,24 @@ struct Describer {
 
   Describer() : groups(1) { groups[0].name = "Default"; }
 
-  void operator()(const char* name, bool, const char* text) { add(name, "bool", text, ""); }
+  void operator()(const char* name, bool, const char* text) { add(name, "bool", text); }
   void operator()(const char* name, const std::string&, const std::vector<std::string>& choices,
                   const char* text) {
     add(name, "str", text, choice(choices));
   }
   void operator()(const char* name, int, int, int, const char* unit, const char* text) {
-    add(name, "int", withUnit(text, unit), "");
+    add(name, "int", withUnit(text, unit));
   }
   void operator()(const char* name, double, double, double, const char* unit, const char* text) {
-    add(name, "double", withUnit(text, unit), "");
+    add(name, "double", withUnit(text, unit));
+  }
+
+  /// For clients that refuse to send what is not described.
+  void addRetired() {
+    for (const RetiredParameter& each : kRetiredParameters) {
+      const std::string text = std::string("ignored since version ") + each.since;
+      add(each.name, "int", text, "", "retired");
+    }
   }
 
  private:
@@ -90,7 +99,7 @@ struct Describer {
     return *unit == '\0' ? text : std::string(text) + " [" + unit + "]";
   }
 
-  /// As the clients, which are written in Python, evaluate it.
+  /// As Python source, which the clients evaluate.
   static std::string choice(const std::vector<std::string>& choices) {
     std::vector<std::string> entries;
     for (const std::string& value : choices) {
@@ -101,11 +110,14 @@ struct Describer {
   }
 
   void add(const std::string& name, const char* type, const std::string& text,
-           const std::string& edit_method) {
-    const std::string section = sectionOf(name);
-    if (groups.back().name != section) {
+           const std::string& edit_method = "") {
+    add(name, type, text, edit_method, sectionOf(name));
+  }
+  void add(const std::string& name, const char* type, const std::string& text,
+           const std::string& edit_method, const std::string& group) {
+    if (groups.back().name != group) {
       groups.emplace_back();
-      groups.back().name = section;
+      groups.back().name = group;
       groups.back().id = static_cast<std::int32_t>(groups.size()) - 1;
     }
     dynamic_reconfigure::ParamDescription description;
@@ -122,7 +134,20 @@ Describer describe() {
   Describer describer;
   const Parameters defaults;
   visitParameters(defaults, describer);
+  describer.addRetired();
   return describer;
+}
+
+/// A warning for each retired parameter that a client wants to change. Those that send all values
+/// back send these, too.
+std::vector<std::string> retiredIn(const Config& message) {
+  std::vector<std::string> warnings;
+  for (const RetiredParameter& retired : kRetiredParameters) {
+    int wanted = retired.value;
+    ConfigTools::getParameter(message, retired.name, wanted);
+    if (wanted != retired.value) isRetired(retired.name, &warnings);
+  }
+  return warnings;
 }
 
 }  // namespace
@@ -140,11 +165,14 @@ void ReconfigurableParameters::__toServer__(const ros::NodeHandle& private_nh) c
 
 void ReconfigurableParameters::__fromMessage__(const Config& message) {
   visitParameters(values, MessageReader{message});
+  for (const std::string& warning : retiredIn(message)) ROS_WARN("%s", warning.c_str());
 }
 
 void ReconfigurableParameters::__toMessage__(Config& message) const {
   message = Config();
   visitParameters(values, MessageWriter{&message});
+  for (const RetiredParameter& each : kRetiredParameters)
+    ConfigTools::appendParameter(message, each.name, each.value);
   for (const dynamic_reconfigure::Group& group : describe().groups) {
     dynamic_reconfigure::GroupState state;
     state.name = group.name;

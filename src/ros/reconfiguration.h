@@ -13,21 +13,22 @@
 
 namespace point_line_odometry {
 
-/// The core's parameters as dynamic_reconfigure::Server wants them; all is made of the one table
-/// (visitParameters()), so that there is no .cfg file. Names are those of the table, and the
-/// sections before their slashes are groups.
+/// The core's parameters as dynamic_reconfigure::Server needs them, generated from
+/// visitParameters() instead of a .cfg file. Names are those of the table, and the sections before
+/// their slashes are groups. Retired parameters are a group of their own: they have the value in
+/// use, and a client that sets them is warned.
 struct ReconfigurableParameters {
   Parameters values;
 
   // Names that the server dictates.
   // NOLINTBEGIN(bugprone-reserved-identifier,readability-identifier-naming)
-  /// The values that are on the parameter server; those that do not fit are left as they are.
+  /// Reads the values on the parameter server; those that do not fit are left as they are.
   void __fromServer__(const ros::NodeHandle& private_nh);
   void __toServer__(const ros::NodeHandle& private_nh) const;
-  /// The values that the message names.
+  /// Reads the values that the message has.
   void __fromMessage__(const dynamic_reconfigure::Config& message);
   void __toMessage__(dynamic_reconfigure::Config& message) const;
-  /// Nothing: what is out of its range is refused.
+  /// Does nothing: values out of range are rejected.
   void __clamp__() const {}
   std::uint32_t __level__(const ReconfigurableParameters&) const { return 1; }
   static ReconfigurableParameters __getDefault__() { return {}; }
@@ -37,13 +38,14 @@ struct ReconfigurableParameters {
   // NOLINTEND(bugprone-reserved-identifier,readability-identifier-naming)
 };
 
-/// Offers the core's parameters to dynamic_reconfigure. What is not allowed, alone or together with
-/// the rest, is refused as a whole with a message in the log, and those in force are shown back.
+/// Offers the core's parameters to dynamic_reconfigure. A change that is not valid, alone or
+/// together with the rest, is rejected as a whole with a message in the log, and the server gets
+/// the current values back.
 class Reconfiguration {
  public:
   /// \param private_nh where the parameters are; its callback queue calls `apply`.
-  /// \param in_force what the node has started with.
-  /// \param apply takes other parameters; they are allowed.
+  /// \param in_force parameters that the node has started with.
+  /// \param apply called with valid new parameters.
   Reconfiguration(const ros::NodeHandle& private_nh, const Parameters& in_force,
                   std::function<void(const Parameters&)> apply);
 

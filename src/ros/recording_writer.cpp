@@ -12,7 +12,9 @@
 #include <regex>
 #include <stdexcept>
 
-#include "dataset/classic_stream.h"
+#include "common/classic_stream.h"
+#include "common/recording_format.h"
+#include "point_line_odometry/version.h"
 #include "ros/bag_file.h"
 #include "ros/camera_messages.h"
 #include "ros/conversions.h"
@@ -22,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Files that go away again unless they are kept.
+/// Removes files again unless keep() is called.
 class Unfinished {
  public:
   ~Unfinished() {
@@ -62,16 +64,35 @@ void writeFile(const fs::path& file, const std::string& content, Unfinished* unf
   if (!out) throw std::runtime_error("'" + file.string() + "' cannot be written");
 }
 
-/// Numbers with which the replay gets the same bits.
-void writeMatrix(std::ostream& out, const Eigen::Isometry3d& T) {
+/// With all digits, so that the replay reads the same bits.
+template <typename Matrix>
+void writeMatrix(std::ostream& out, const Matrix& matrix) {
   const char* separator = "[";
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 4; ++column) {
-      out << separator << T(row, column);
+  for (int row = 0; row < matrix.rows(); ++row) {
+    for (int column = 0; column < matrix.cols(); ++column) {
+      out << separator << matrix(row, column);
       separator = ", ";
     }
   }
   out << "]";
+}
+
+void writePrior(std::ostream& out, const MotionPrior& prior) {
+  out << ", prior: {from_ns: " << prior.from_ns << ", to_ns: " << prior.to_ns << ", T_prev_curr: ";
+  writeMatrix(out, prior.T_prev_curr.matrix().topRows<3>());
+  out << ", information: ";
+  writeMatrix(out, prior.information);
+  out << "}";
+}
+
+void writeTilt(std::ostream& out, const TiltCorrection& tilt) {
+  out << ", tilt: {up: ";
+  writeMatrix(out, tilt.up);
+  out << ", rotation: ";
+  writeMatrix(out, tilt.rotation);
+  out << ", covariance: ";
+  writeMatrix(out, tilt.covariance);
+  out << "}";
 }
 
 void writeTexts(std::ostream& out, const ParameterTexts& parameters, const char* indent,
@@ -117,10 +138,23 @@ void writeBag(const Recording& recording, const RecordingTarget& target, const f
     bag.write(topics.name_space + "/right/camera_info", m.right->header.stamp, *m.right_info);
     bag.write(topics.left, m.left->header.stamp, *m.left);
     bag.write(topics.right, m.right->header.stamp, *m.right);
+    const auto writeMask = [&](const char* side, const cv::Mat& mask, const auto& header) {
+      if (mask.empty()) return;
+      bag.write(topics.name_space + "/" + side + "/mask_image", m.left->header.stamp,
+                *toImageMessage(mask, header));
+    };
+    writeMask("left", frame.left_mask, m.left->header);
+    writeMask("right", frame.right_mask, m.right->header);
     bag.write(topics.name_space + "/odom", m.left->header.stamp, frame.odometry);
   }
   bag.commit();
   unfinished->add(file);
+}
+
+bool hasMasks(const Recording& recording) {
+  return std::any_of(recording.frames.begin(), recording.frames.end(), [](const auto& frame) {
+    return !frame.left_mask.empty() || !frame.right_mask.empty();
+  });
 }
 
 std::string formatYaml(const Recording& recording, const RecordingTarget& target,
@@ -135,17 +169,18 @@ std::string formatYaml(const Recording& recording, const RecordingTarget& target
   out << "# Of point_line_odometry's flight recorder; replay: rosrun point_line_odometry "
          "offline_odometry "
       << files.yaml.filename().string() << " -o DIR\n"
-      << "version: " << POINT_LINE_ODOMETRY_VERSION << "\nnode: " << target.node
+      << "format: " << kRecordingFormat << "\nversion: " << version() << "\nnode: " << target.node
       << "\nreason: " << reason << "\nbag: " << files.bag.filename().string()
       << "\nleft_topic: " << topics.left << "\nright_topic: " << topics.right
       << "\nmax_interval_s: "
       << (node.approximate_sync ? node.approximate_sync_max_interval_s : 0.0)
+      << "\nmasks: " << (hasMasks(recording) ? "true" : "false")
       << "\nstate: {file: " << files.state.filename().string() << ", size: " << state.size()
       << ", crc32: " << crc.checksum() << "}\n"
       << "# Poses are 3 x 4 matrices row by row: of " << node.base_frame_id << " before the first\n"
       << "# frame, of the rectified left camera at each frame, both in " << node.odom_frame_id
       << ".\nT_odom_base: ";
-  writeMatrix(out, recording.start->T_odom_base);
+  writeMatrix(out, recording.start->T_odom_base.matrix().topRows<3>());
   out << "\nparameters:\n";
   writeTexts(out, parameterTexts(*recording.frames.front().parameters), "  ", "\n");
   out << "frames:\n";
@@ -154,7 +189,9 @@ std::string formatYaml(const Recording& recording, const RecordingTarget& target
     out << "  - {stamp_ns: " << toNanoseconds(frame.odometry.header.stamp)
         << ", state: " << toString(frame.state) << ", reason: " << toString(frame.reason)
         << ", T_odom_camera: ";
-    writeMatrix(out, frame.T_odom_camera);
+    writeMatrix(out, frame.T_odom_camera.matrix().topRows<3>());
+    if (frame.prior) writePrior(out, *frame.prior);
+    if (frame.tilt) writeTilt(out, *frame.tilt);
     if (frame.parameters.get() != before) {
       out << ", parameters: {";
       writeTexts(out, changedParameters(*before, *frame.parameters), "", ", ");
@@ -166,7 +203,7 @@ std::string formatYaml(const Recording& recording, const RecordingTarget& target
   return out.str();
 }
 
-/// Takes the oldest recordings of a reason away.
+/// Removes the oldest recordings of a reason.
 void prune(const fs::path& folder, const std::string& reason, std::size_t keep) {
   const std::regex pattern("(\\d{4}(-\\d\\d){5}-\\d{3}-" + reason + ")\\.(bag|yaml|state)");
   std::vector<std::string> names;

@@ -9,7 +9,7 @@
 
 namespace point_line_odometry {
 
-/// Of whom a recording is, and where it goes.
+/// The node that a recording is of, and its folder.
 struct RecordingTarget {
   std::string name_space;  ///< of the topics in the bag: "/stereo", "" for the root
   std::string node;        ///< its full name
@@ -26,12 +26,12 @@ struct RecordingFiles {
   std::filesystem::path state;
 };
 
-/// Writes a recording to the target's folder: the bag with images, camera_info, odom and tf_static;
-/// the state before the first frame; and last, when these are whole, the yaml with the parameters
-/// and the estimate of each frame, which offline_odometry takes. Of the
-/// recordings there that were written for the same reason the newest `recorder/max_files` stay.
+/// Writes a recording to the target's folder: the bag with images, the masks that were used,
+/// camera_info, odom and tf_static; the state before the first frame; and last, when these are
+/// complete, the yaml with the parameters and the estimate of each frame, which offline_odometry
+/// reads. Of the recordings with the same reason the newest `recorder/max_files` are kept.
 /// \param reason a word that becomes part of the names: "lost", "asked".
-/// Throws std::runtime_error that says what is wrong if it cannot be written; nothing is left then.
+/// Throws std::runtime_error with the reason if it cannot be written; no files are left then.
 RecordingFiles writeRecording(const Recording& recording, const RecordingTarget& target,
                               const std::string& reason);
 

@@ -17,23 +17,23 @@ constexpr std::int64_t kSecond_ns = 1000000000;
 
 constexpr auto kMaxLateness_ns = static_cast<std::int64_t>(1e9 * kMaxLateness_s);
 
-/// A longer step forwards is a jump, unless the camera is slow.
+/// A longer step forwards is a jump, unless the camera's rate is lower [ns].
 constexpr std::int64_t kMaxUsualStep_ns = kSecond_ns;
 
-/// Stamps that confirm each other are not further apart: 60 s is the longest
+/// Largest step between stamps that confirm each other [ns]: the upper limit of
 /// tracking/max_frame_gap_s.
 constexpr std::int64_t kMaxConfirmingStep_ns = 60 * kSecond_ns;
 
 /// A slow camera may miss two frames in a row.
 constexpr std::int64_t kMaxStepInPeriods = 3;
 
-/// A camera's clock may be so much ahead of the computer's before a first stamp looks wrong.
+/// A first stamp further ahead of the computer's clock must be confirmed [ns].
 constexpr std::int64_t kMaxAhead_ns = 3600 * kSecond_ns;
 
-/// tf and others add the length of their buffers to stamps: a day is left for that.
+/// One day before the end of ros::Time, as tf and others add the length of their buffers to stamps.
 constexpr std::uint32_t kLastSecond = 4294967295U - 86400U;
 
-/// What makes a stamp unusable whatever the others are.
+/// The fault of a stamp that does not depend on other stamps.
 std::optional<StampFault> faultOf(const ros::Time& stamp) {
   if (stamp.isZero()) return StampFault::kZero;
   if (stamp.nsec >= kSecond_ns || stamp.sec > kLastSecond) return StampFault::kOutOfRange;
@@ -43,9 +43,9 @@ std::optional<StampFault> faultOf(const ros::Time& stamp) {
 const char* toString(StampFault fault) {
   switch (fault) {
     case StampFault::kZero:
-      return "is no time";
+      return "is no valid time";
     case StampFault::kOutOfRange:
-      return "is out of the range of times";
+      return "is out of the valid range";
     case StampFault::kUnconfirmedJump:
       break;
   }

@@ -13,15 +13,15 @@ namespace point_line_odometry {
 /// What is wrong with the stamp of a message.
 enum class StampFault {
   kZero,
-  kOutOfRange,       ///< no time, or so near to the end of ROS' time that arithmetic on it throws
-  kUnconfirmedJump,  ///< far from those before, and those after it are not there either
+  kOutOfRange,       ///< or so near to the end of ros::Time that arithmetic on it throws
+  kUnconfirmedJump,  ///< far from the stamps before it, and not confirmed by those after it
 };
 
-/// Lets the messages of one topic pass in their order, except those whose stamps must not reach
-/// what calculates with stamps (message_filters, the odometry, tf). Where stamps jump, messages are
-/// held until the jump is confirmed: kConfirmations of them in a row have rising stamps there. They
-/// pass then, so that a true jump costs none. Nothing is calculated with ros::Duration, which
-/// throws when a difference is too long for it. Not thread-safe.
+/// Passes the messages of one topic in order, except those whose stamps must not reach code that
+/// calculates with stamps (message_filters, the odometry, tf). After a jump, messages are queued
+/// until the jump is confirmed by kConfirmations rising stamps in a row, and then pass, so that a
+/// true jump loses no message. ros::Duration is not used, as it throws on long differences. Not
+/// thread-safe.
 class StampFilter {
  public:
   using Deliver = std::function<void()>;
@@ -31,7 +31,7 @@ class StampFilter {
     ros::Time stamp;
     StampFault fault = StampFault::kZero;
 
-    /// For example "stamp 0.000000000 is no time".
+    /// For example "stamp 0.000000000 is no valid time".
     std::string text() const;
   };
 
@@ -43,9 +43,9 @@ class StampFilter {
 
   StampFilter();
 
-  /// Takes a message; it passes or is rejected now or by one of the next calls.
-  /// \param now present time, 0 if it is not known: a first stamp in the future must be confirmed.
-  /// \param deliver takes the message on its way.
+  /// Adds a message; it passes or is rejected now or by one of the next calls.
+  /// \param now current time, 0 if unknown: a first stamp in the future must be confirmed.
+  /// \param deliver called by the caller if the message passes.
   Decision add(const ros::Time& stamp, const ros::Time& now, Deliver deliver);
 
  private:

@@ -14,7 +14,7 @@
 namespace point_line_odometry {
 namespace {
 
-/// So many may have been on their way when everything stopped.
+/// Messages that may have been in transport when all topics stopped.
 constexpr std::uint64_t kFewMessages = 3;
 
 constexpr double kWarnPeriodS = 5.0;
@@ -124,8 +124,8 @@ void StereoInput::synchronise(const boost::shared_ptr<const Message>& message) {
   }
 }
 
-/// What waits for its partners never comes from before and after a jump of the same topic's clock.
-/// The other topics follow to where this one has jumped: what waits for them there stays.
+/// Drops queued messages of this topic when its clock jumps, so that no set mixes messages from
+/// before and after the jump. Those of the other topics are kept until they jump, too.
 void StereoInput::follow(StereoTopic topic, const StampFilter::Decision& decision) {
   for (const StampFilter::Rejection& rejection : decision.rejected) reject(topic, rejection);
   if (decision.jump_s) {
@@ -184,12 +184,12 @@ InputFacts StereoInput::facts(double now_s) const {
     facts.topics[i].messages = arrivals_[i].count;
     facts.topics[i].rate_hz = rateOf(arrivals_[i].times_s);
     if (arrivals_[i].count == 0) continue;
-    facts.topics[i].silent_s = now_s - arrivals_[i].times_s.back();
+    facts.topics[i].since_latest_s = now_s - arrivals_[i].times_s.back();
     facts.unstamped = facts.unstamped || arrivals_[i].stamps.back().isZero();
   }
   facts.sets = num_sets_;
   const std::uint64_t lefts = arrivals_[kLeftImage].count;
-  facts.unpaired = lefts > num_sets_ ? lefts - num_sets_ : 0;
+  facts.unsynchronized = lefts > num_sets_ ? lefts - num_sets_ : 0;
   facts.set_rate_hz = rateOf(set_times_s_);
   facts.image_skew_s = skew(kLeftImage, kRightImage);
   const auto left = skew(kLeftImage, kLeftInfo);
@@ -200,30 +200,30 @@ InputFacts StereoInput::facts(double now_s) const {
   return facts;
 }
 
-/// True if it came before and does not while others do.
+/// True if messages came before, and do not any more while others do.
 bool StereoInput::hasStopped(const Arrivals& topic) const {
   return topic.count > 0 && topic.since_set == 0 && mostSinceSet() >= kFewMessages;
 }
 
-/// Topics that nothing comes on while it does on others, or has ever come on.
-std::string StereoInput::silentTopics() const {
-  std::string silent;
+/// Topics that have stopped while others go on, or on which no message has ever come.
+std::string StereoInput::missingTopics() const {
+  std::string missing;
   for (const Arrivals& topic : arrivals_) {
     if (topic.count > 0 && !hasStopped(topic)) continue;
-    silent += (silent.empty() ? "" : " and ") + topic.name;
+    missing += (missing.empty() ? "" : " and ") + topic.name;
   }
-  return silent;
+  return missing;
 }
 
-/// Messages of the liveliest topic since the last complete set.
+/// Largest number of messages of a topic since the last complete set.
 std::uint64_t StereoInput::mostSinceSet() const {
   std::uint64_t most = 0;
   for (const Arrivals& topic : arrivals_) most = std::max(most, topic.since_set);
   return most;
 }
 
-/// Median distance of a topic's latest stamps to the nearest ones of another topic [s]; if no sets
-/// come any more, of those stamps only that came since the last one.
+/// Median distance of a topic's latest stamps to the nearest ones of another topic [s]; if there
+/// are no sets any more, of the stamps since the last set only.
 std::optional<double> StereoInput::skew(StereoTopic topic, StereoTopic other) const {
   const std::deque<ros::Time>& stamps = arrivals_[topic].stamps;
   const std::deque<ros::Time>& others = arrivals_[other].stamps;
@@ -243,13 +243,13 @@ std::optional<double> StereoInput::skew(StereoTopic topic, StereoTopic other) co
   return median(std::move(distances_s));
 }
 
-std::string StereoInput::explainSilence() const {
+std::string StereoInput::explainTimeout() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   std::ostringstream text;
   text.precision(3);
   text << "messages so far:";
   for (const Arrivals& topic : arrivals_) text << " " << topic.name << " " << topic.count << ",";
-  const std::string missing = silentTopics();
+  const std::string missing = missingTopics();
   const bool all_stopped = num_sets_ > 0 && missing.empty() && mostSinceSet() < kFewMessages;
   text << " synchronised sets " << num_sets_ << "; ";
   const double skew_s = skew(kLeftImage, kRightImage).value_or(0.0);

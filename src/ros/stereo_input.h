@@ -28,38 +28,36 @@ enum StereoTopic : std::size_t { kLeftImage, kRightImage, kLeftInfo, kRightInfo,
 /// Name of a topic below the camera's namespace, for example "left/image_rect".
 std::string stereoTopicName(StereoTopic topic, bool rectify);
 
-/// Messages of a topic that may wait for those of the others. Not fewer than these, or a pair would
-/// miss one of its parts when messages come in bursts: whole pairs are dropped afterwards, where
-/// they are counted.
+/// Queue size of a topic: messages that may wait for those of the other topics. Long enough for
+/// bursts, so that only complete pairs are dropped, later, where they are counted.
 std::uint32_t stereoQueueSize(const NodeParameters& parameters);
 
-/// What came on one topic.
+/// Messages received on one topic.
 struct TopicFacts {
   std::string name;  ///< as resolved
   std::uint64_t messages = 0;
   double rate_hz = 0.0;           ///< of the latest arrivals; 0 for fewer than two
-  double silent_s = 0.0;          ///< since the latest arrival
+  double since_latest_s = 0.0;    ///< time since the latest arrival
   std::optional<int> publishers;  ///< nothing: not known, as in a bag
 };
 
-/// What came on all four, and how it fits together.
+/// Messages received on all four topics, and their synchronisation.
 struct InputFacts {
   std::array<TopicFacts, kNumStereoTopics> topics;
   std::uint64_t sets = 0;  ///< complete ones
   double set_rate_hz = 0.0;
-  std::uint64_t unpaired = 0;          ///< left images that did not become part of a set
+  std::uint64_t unsynchronized = 0;    ///< left images that did not become part of a set
   bool unstamped = false;              ///< the latest image or camera_info of a topic has stamp 0
   std::optional<double> image_skew_s;  ///< median distance of a left stamp to the nearest right one
   std::optional<double> info_skew_s;   ///< the same from images to camera_infos, the larger of both
-  StereoMessages latest;               ///< of each topic; null where nothing came
+  StereoMessages latest;               ///< of each topic; null if there is none
   StereoMessages latest_set;           ///< all null before the first one
 };
 
-/// Puts together what belongs together of the four topics: equal stamps, or near ones with
-/// `approximate_sync`. Messages whose stamps StampFilter rejects take no part. Remembers what came,
-/// so that it can be said why nothing comes together. Messages are added by one thread at a time;
-/// everything else may be asked by any. ROS' time must be initialised (ros::Time::init() where
-/// there is no node).
+/// Synchronises the four topics by equal stamps, or near ones with `approximate_sync`. Messages
+/// that StampFilter rejects are not used. Keeps statistics of what was received to explain why
+/// there are no complete sets. Messages are added by one thread at a time; all other methods are
+/// thread-safe. ROS' time must be initialised (ros::Time::init() where there is no node).
 class StereoInput {
  public:
   using Callback = std::function<void(const StereoMessages&)>;
@@ -76,16 +74,16 @@ class StereoInput {
   StereoInput(const StereoInput&) = delete;
   StereoInput& operator=(const StereoInput&) = delete;
 
-  /// \param arrival_s time at which the message came, of any clock.
+  /// \param arrival_s time of arrival, of any clock.
   void addImage(StereoTopic topic, const sensor_msgs::ImageConstPtr& message, double arrival_s);
   void addInfo(StereoTopic topic, const sensor_msgs::CameraInfoConstPtr& message, double arrival_s);
 
-  /// `publishers` are not known here. \param now_s of the clock of the arrivals.
+  /// Without `publishers`, which are not known here. \param now_s of the clock of the arrivals.
   InputFacts facts(double now_s) const;
 
-  /// One sentence on why no sets come: messages on each topic, what is missing, and what to do
-  /// about it.
-  std::string explainSilence() const;
+  /// One sentence on why there are no complete sets: messages on each topic, what is missing, and
+  /// what to do about it.
+  std::string explainTimeout() const;
 
  private:
   struct Arrivals {
@@ -110,7 +108,7 @@ class StereoInput {
   void reject(StereoTopic topic, const StampFilter::Rejection& rejection);
   void noteArrival(StereoTopic topic, const ros::Time& stamp, double arrival_s);
   bool hasStopped(const Arrivals& topic) const;
-  std::string silentTopics() const;
+  std::string missingTopics() const;
   std::uint64_t mostSinceSet() const;
   std::optional<double> skew(StereoTopic topic, StereoTopic other) const;
   void completed(const sensor_msgs::ImageConstPtr& left, const sensor_msgs::ImageConstPtr& right,
@@ -121,7 +119,7 @@ class StereoInput {
   const Callback callback_;
   const RejectionCallback rejected_;
 
-  mutable std::mutex mutex_;  // guards what the facts are made of
+  mutable std::mutex mutex_;  // guards the members that facts() reads
   std::array<Arrivals, kNumStereoTopics> arrivals_;
   StereoMessages latest_;
   StereoMessages latest_set_;
@@ -131,7 +129,8 @@ class StereoInput {
   std::string last_rejection_;
 
   std::array<StampFilter, kNumStereoTopics> filters_;
-  std::array<bool, kNumStereoTopics> waiting_{};  // messages of these may wait in the synchroniser
+  std::array<bool, kNumStereoTopics>
+      waiting_{};  // topics with messages in the synchroniser's queue
   std::unique_ptr<message_filters::Synchronizer<ExactPolicy>> exact_;
   std::unique_ptr<message_filters::Synchronizer<NearPolicy>> near_;
 };

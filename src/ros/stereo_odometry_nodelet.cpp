@@ -1,11 +1,13 @@
 #include "ros/stereo_odometry_nodelet.h"
 
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "odometry/stage_timer.h"
 #include "ros/conversions.h"
+#include "ros/parameter_loader.h"
 
 namespace point_line_odometry {
 namespace {
@@ -13,6 +15,15 @@ namespace {
 constexpr double kWarnPeriodS = 5.0;
 constexpr double kDiagnosticsPeriodS = 1.0;
 constexpr std::chrono::milliseconds kTransformRetry{20};
+constexpr std::chrono::milliseconds kMaskRetry{2};
+
+/// Pairs that may wait: those of the parameter, and those that wait for their masks.
+std::size_t queueCapacity(const NodeParameters& parameters) {
+  constexpr double kFastestCamera_hz = 100.0;
+  const bool masks = expectsMask(parameters, 0) || expectsMask(parameters, 1);
+  const double waiting = masks ? std::ceil(parameters.mask_wait_s * kFastestCamera_hz) : 0.0;
+  return static_cast<std::size_t>(parameters.queue_size) + static_cast<std::size_t>(waiting);
+}
 
 }  // namespace
 
@@ -22,6 +33,9 @@ StereoOdometryNodelet::~StereoOdometryNodelet() {
   doctor_.reset();
   reconfiguration_.reset();
   subscriber_.reset();
+  mask_subscribers_.clear();
+  imu_.unsubscribe();
+  wheels_.unsubscribe();
   if (queue_) queue_->stop();
   if (worker_.joinable()) worker_.join();
 }
@@ -39,29 +53,36 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
   const ros::NodeHandle& nh = getNodeHandle();
   const ros::NodeHandle& private_nh = getPrivateNodeHandle();
   parameters_ = parameters.node;
-  governor_ = ComputeGovernor(parameters_.target_frame_time_ms);
+  budget_ = AdaptiveFeatureBudget(parameters_.target_frame_time_ms);
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, nh);
   publishers_ = std::make_unique<Publishers>(nh, parameters_);
   diagnostics_ = std::make_unique<Diagnostics>(nh, private_nh, parameters_, getName());
   processor_ = std::make_unique<FrameProcessor>(parameters);
   startRecorder();
-  queue_ = std::make_unique<FrameQueue<StereoMessages>>(
-      static_cast<std::size_t>(parameters_.queue_size));
+  masks_ = std::make_unique<MaskBuffer>(parameters_);
+  if (parameters.core.imu.enabled) imu_.subscribe(nh);
+  if (usesTfGuess(parameters_)) {
+    guess_ = std::make_unique<TfGuess>(tf_buffer_, parameters_.guess_frame_id,
+                                       parameters_.base_frame_id);
+  }
+  enableWheels(parameters.core.wheels.enabled);
+  queue_ = std::make_unique<FrameQueue<QueuedMessages>>(queueCapacity(parameters_));
   worker_ = std::thread(&StereoOdometryNodelet::work, this);
   offerServices();
-  // In the queue of all other callbacks: the thread that runs one of them may be the last to let go
-  // of the nodelet, and the manager has freed its other queue by then.
+  // In the queue of all other callbacks: the thread that runs one of them may release the nodelet
+  // last, when the manager has freed its other queue.
   reconfiguration_ = std::make_unique<Reconfiguration>(
       private_nh, parameters.core, [this](const Parameters& core) {
         const std::lock_guard<std::mutex> lock(request_mutex_);
         requested_parameters_ = core;
       });
+  mask_subscribers_ = subscribeToMasks(nh, parameters_, masks_.get());
   subscriber_ = std::make_unique<StereoSubscriber>(
       nh, private_nh, parameters_, [this](const StereoMessages& m) { takeMessages(m); },
       [this](const std::string& text) { diagnostics_->noteRejectedStamp(text); });
   doctor_ =
       std::make_unique<Doctor>(nh, parameters_, getName(),
-                               Doctor::Patient{subscriber_.get(), &tf_buffer_, diagnostics_.get()});
+                               Doctor::Sources{subscriber_.get(), &tf_buffer_, diagnostics_.get()});
   diagnostics_timer_ = getNodeHandle().createWallTimer(
       ros::WallDuration(kDiagnosticsPeriodS),
       [this](const ros::WallTimerEvent&) { diagnostics_->update(*subscriber_); });
@@ -87,7 +108,7 @@ void StereoOdometryNodelet::startRecorder() {
 
 void StereoOdometryNodelet::takeMessages(const StereoMessages& messages) {
   if (paused_) return;
-  if (!queue_->push(messages)) diagnostics_->noteDropped();
+  if (!queue_->push({messages, ros::WallTime::now()})) diagnostics_->noteDropped();
 }
 
 bool StereoOdometryNodelet::reset(Trigger::Request&, Trigger::Response& response) {
@@ -134,10 +155,17 @@ void StereoOdometryNodelet::requestPose(const Eigen::Isometry3d& T_odom_base) {
 }
 
 void StereoOdometryNodelet::work() {
-  const auto ready = [this](const StereoMessages& messages) { return knowsMounting(messages); };
-  while (const auto messages = queue_->popWhen(ready, kTransformRetry)) {
-    processSafely(*messages);
+  const auto ready = [this](const QueuedMessages& queued) { return isReady(queued); };
+  const bool masks = expectsMask(parameters_, 0) || expectsMask(parameters_, 1);
+  const auto retry = masks ? kMaskRetry : kTransformRetry;
+  while (const auto queued = queue_->popWhen(ready, retry)) {
+    processSafely(masks_->withMasks(queued->messages));
   }
+}
+
+bool StereoOdometryNodelet::isReady(const QueuedMessages& queued) {
+  const double waited_s = (ros::WallTime::now() - queued.received).toSec();
+  return masks_->isReady(queued.messages, waited_s) && knowsMounting(queued.messages);
 }
 
 /// An exception that left this thread would end every nodelet of the manager.
@@ -159,11 +187,14 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   const auto begin = StageTimer::Clock::now();
   applyRequests();
+  takeImu(messages);
+  takeWheels(messages);
   const Eigen::Isometry3d T_base_header = mounting_.take(messages.left->header.frame_id);
-  const ProcessedFrame frame = processor_->process(messages, T_base_header);
+  ProcessedFrame frame = processor_->process(messages, T_base_header);
+  frame.T_guess_base = T_guess_base_;
   if (frame.result.accepted()) recorder_->add(messages, frame);
-  if (processor_->startedAnew()) {
-    NODELET_WARN("stamps jumped back: the odometry starts again at initial_pose");
+  if (processor_->wasReset()) {
+    NODELET_WARN("stamps jumped back: the odometry is reset to initial_pose");
     publishers_->clear();
   }
   if (!frame.result.accepted()) {
@@ -178,7 +209,7 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
   if (frame.result.accepted()) {
-    processor_->setFeatureBudget(governor_.addFrame(StageTimer::elapsedMs(begin)));
+    processor_->setFeatureBudget(budget_.addFrame(StageTimer::elapsedMs(begin)));
   }
 }
 
@@ -190,13 +221,21 @@ void StereoOdometryNodelet::applyRequests() {
     pose.swap(requested_T_odom_base_);
     parameters.swap(requested_parameters_);
   }
-  if (parameters) processor_->setParameters(*parameters);
+  if (parameters) {
+    processor_->setParameters(*parameters);
+    if (parameters->imu.enabled) {
+      imu_.subscribe(getNodeHandle());
+    } else {
+      imu_.unsubscribe();
+    }
+    enableWheels(parameters->wheels.enabled);
+  }
   if (!pose) return;
   processor_->reset(*pose);
   publishers_->clear();
 }
 
-/// Looks up where the camera sits on the robot, without waiting. Never assumes it.
+/// Looks up the pose of the camera in the base without waiting; it is never assumed.
 bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
   const std::string& frame_id = messages.left->header.frame_id;
   try {
@@ -214,10 +253,122 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
   }
 }
 
-Eigen::Isometry3d StereoOdometryNodelet::lookUpMounting(const std::string& camera) const {
-  if (camera == parameters_.base_frame_id) return Eigen::Isometry3d::Identity();
+/// The samples until a frame, for which it waits a bounded time: what it uses depends on stamps.
+void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
+  if (!imu_.enabled()) return;
+  const std::int64_t stamp_ns = toNanoseconds(messages.left->header.stamp);
+  imu_.takeUntil(
+      [this](const FramedSample<ImuSample>& imu) {
+        const Eigen::Isometry3d* T_base_imu = poseOf(imu.frame_id, &imu_sensor_);
+        if (T_base_imu != nullptr) processor_->addImu({imu.sample}, *T_base_imu);
+      },
+      [this, stamp_ns] { return processor_->hasImuUntil(stamp_ns); });
+  const Gyroscope* gyroscope = processor_->gyroscope();
+  SourceFacts facts;
+  facts.counts = imu_.counts();
+  facts.fault = imu_sensor_.fault;
+  facts.silence = "no sample on topic imu for a second";
+  facts.unused["of a frame that tf does not know"] = imu_sensor_.unmounted;
+  if (gyroscope != nullptr) {
+    const ImuFaults& faults = gyroscope->faults();
+    facts.unused["of a stamp twice"] = faults.doubled;
+    facts.unused["too late"] = faults.late;
+    facts.unused["not finite"] = faults.not_finite;
+    facts.unused["saturated"] = faults.saturated;
+  }
+  diagnostics_->noteImu(facts);
+}
+
+/// The pose of a sensor in the base. Null if it is not known: counted, named, and said in the log.
+const Eigen::Isometry3d* StereoOdometryNodelet::poseOf(const std::string& frame,
+                                                       OtherSensor* sensor) const {
+  try {
+    sensor->mounting.prepare(frame);
+    const Eigen::Isometry3d& T_base_sensor = sensor->mounting.take(frame);
+    sensor->fault.clear();
+    return &T_base_sensor;
+  } catch (const MessageError& error) {
+    sensor->fault = error.what();
+  } catch (const std::exception& error) {
+    sensor->fault = "no transform from " + parameters_.base_frame_id + " to the frame '" + frame +
+                    "' (" + error.what() + ")";
+  }
+  ++sensor->unmounted;
+  NODELET_WARN_THROTTLE(kWarnPeriodS, "a sample is not used: %s", sensor->fault.c_str());
+  return nullptr;
+}
+
+/// Unless tf has the wheels' odometry.
+void StereoOdometryNodelet::enableWheels(bool enabled) {
+  if (enabled && !guess_) {
+    wheels_.subscribe(getNodeHandle());
+  } else {
+    wheels_.unsubscribe();
+  }
+}
+
+/// As takeImu(). A message without child_frame_id is of the base.
+void StereoOdometryNodelet::takeWheels(const StereoMessages& messages) {
+  if (guess_) takeGuess(messages);
+  if (!guess_ && !wheels_.enabled()) return;
+  const std::int64_t stamp_ns = toNanoseconds(messages.left->header.stamp);
+  if (!guess_) {
+    wheels_.takeUntil(
+        [this](const FramedSample<OdometrySample>& pose) {
+          const std::string& body =
+              pose.frame_id.empty() ? parameters_.base_frame_id : pose.frame_id;
+          const Eigen::Isometry3d* T_base_body = poseOf(body, &wheel_sensor_);
+          if (T_base_body != nullptr) processor_->addWheels({pose.sample}, *T_base_body);
+        },
+        [this, stamp_ns] { return processor_->hasWheelsUntil(stamp_ns); });
+  }
+  diagnostics_->noteWheels(wheelFacts());
+}
+
+WheelFacts StereoOdometryNodelet::wheelFacts() const {
+  const WheelOdometry* wheels = processor_->wheels();
+  WheelFacts facts;
+  if (guess_) {
+    facts.counts.received = num_guesses_;
+    facts.counts.alive = T_guess_base_.has_value();
+    facts.silence = "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
+                    " at the images' stamps (guess_frame_id)";
+    facts.unused["missing in tf"] = missing_guesses_;
+  } else {
+    facts.counts = wheels_.counts();
+    facts.silence = "no pose by wheels (prior_odom) for a second";
+    facts.unused["of a frame that tf does not know"] = wheel_sensor_.unmounted;
+  }
+  facts.fault = wheel_sensor_.fault;
+  if (wheels != nullptr) {
+    facts.trusted = wheels->isTrusted();
+    facts.unused["of a stamp twice"] = wheels->faults().doubled;
+    facts.unused["too late"] = wheels->faults().late;
+    facts.unused["not finite"] = wheels->faults().not_finite;
+  }
+  return facts;
+}
+
+void StereoOdometryNodelet::takeGuess(const StereoMessages& messages) {
+  const ros::Time& stamp = messages.left->header.stamp;
+  T_guess_base_ = guess_->lookUp(stamp);
+  if (!T_guess_base_) {
+    ++missing_guesses_;
+    NODELET_WARN_THROTTLE(kWarnPeriodS, "no motion prior: tf has no %s -> %s at the image's stamp",
+                          parameters_.guess_frame_id.c_str(), parameters_.base_frame_id.c_str());
+    return;
+  }
+  ++num_guesses_;
+  OdometrySample sample;
+  sample.stamp_ns = toNanoseconds(stamp);
+  sample.T_odom_body = *T_guess_base_;
+  processor_->addWheels({sample}, Eigen::Isometry3d::Identity());
+}
+
+Eigen::Isometry3d StereoOdometryNodelet::lookUpMounting(const std::string& sensor) const {
+  if (sensor == parameters_.base_frame_id) return Eigen::Isometry3d::Identity();
   return toIsometry(
-      tf_buffer_.lookupTransform(parameters_.base_frame_id, camera, ros::Time(0)).transform);
+      tf_buffer_.lookupTransform(parameters_.base_frame_id, sensor, ros::Time(0)).transform);
 }
 
 }  // namespace point_line_odometry

@@ -3,6 +3,7 @@
 #include <nodelet/nodelet.h>
 #include <point_line_odometry/ResetToPose.h>
 #include <ros/service_server.h>
+#include <ros/subscriber.h>
 #include <ros/wall_timer.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
@@ -17,23 +18,26 @@
 #include <thread>
 #include <vector>
 
-#include "odometry/compute_governor.h"
-#include "ros/camera_mounting.h"
+#include "odometry/adaptive_feature_budget.h"
 #include "ros/diagnostics.h"
 #include "ros/doctor.h"
 #include "ros/flight_recorder.h"
 #include "ros/frame_processor.h"
 #include "ros/frame_queue.h"
+#include "ros/mask_buffer.h"
 #include "ros/node_parameters.h"
 #include "ros/publishers.h"
 #include "ros/reconfiguration.h"
+#include "ros/sample_input.h"
+#include "ros/sensor_mounting.h"
 #include "ros/stereo_subscriber.h"
+#include "ros/tf_guess.h"
 
 namespace point_line_odometry {
 
-/// Stereo odometry as a nodelet. Callbacks only put messages and requests aside; one worker thread
-/// takes a set of messages after the other, processes and publishes it. Requests (reset, pause,
-/// other parameters) take effect between two frames.
+/// Stereo odometry as a nodelet. Callbacks only queue messages and requests; one worker thread
+/// processes the sets of messages and publishes the results. Requests (reset, pause, other
+/// parameters) take effect between two frames.
 class StereoOdometryNodelet : public nodelet::Nodelet {
  public:
   StereoOdometryNodelet() = default;
@@ -43,6 +47,11 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
 
  private:
   using Trigger = std_srvs::Trigger;
+
+  struct QueuedMessages {
+    StereoMessages messages;
+    ros::WallTime received;
+  };
 
   void onInit() override;
   void start(const AllParameters& parameters);
@@ -60,8 +69,22 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void processSafely(const StereoMessages& messages);
   void processAndPublish(const StereoMessages& messages);
   void applyRequests();
+  bool isReady(const QueuedMessages& queued);
   bool knowsMounting(const StereoMessages& messages);
-  Eigen::Isometry3d lookUpMounting(const std::string& camera) const;
+  void takeImu(const StereoMessages& messages);
+  void enableWheels(bool enabled);
+  void takeWheels(const StereoMessages& messages);
+  WheelFacts wheelFacts() const;
+  void takeGuess(const StereoMessages& messages);
+  /// Where another sensor is on the robot, and what is wrong with that.
+  struct OtherSensor {
+    SensorMounting mounting;
+    std::uint64_t unmounted = 0;  // samples of which that is not known
+    std::string fault;            // of the last sample, empty if there is none
+  };
+
+  const Eigen::Isometry3d* poseOf(const std::string& frame, OtherSensor* sensor) const;
+  Eigen::Isometry3d lookUpMounting(const std::string& sensor) const;
 
   NodeParameters parameters_;
   std::atomic<bool> paused_{false};
@@ -70,8 +93,10 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::optional<Parameters> requested_parameters_;
 
   // Used by the worker only, once it runs.
-  CameraMounting mounting_{[this](const std::string& camera) { return lookUpMounting(camera); }};
-  ComputeGovernor governor_{0.0};
+  const SensorMounting::Lookup look_up_{
+      [this](const std::string& sensor) { return lookUpMounting(sensor); }};
+  SensorMounting mounting_{"left image", look_up_};
+  AdaptiveFeatureBudget budget_{0.0};
 
   tf2_ros::Buffer tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
@@ -79,8 +104,18 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::unique_ptr<Diagnostics> diagnostics_;
   std::unique_ptr<FlightRecorder> recorder_;
   std::unique_ptr<FrameProcessor> processor_;
-  std::unique_ptr<FrameQueue<StereoMessages>> queue_;
+  std::unique_ptr<MaskBuffer> masks_;
+  std::unique_ptr<FrameQueue<QueuedMessages>> queue_;
+  ImuInput imu_{"imu"};
+  OtherSensor imu_sensor_{{"imu", look_up_}, 0, {}};
+  WheelInput wheels_{"prior_odom"};
+  OtherSensor wheel_sensor_{{"prior_odom", look_up_}, 0, {}};
+  std::unique_ptr<TfGuess> guess_;                 // with guess_frame_id
+  std::optional<Eigen::Isometry3d> T_guess_base_;  // at the last frame
+  std::uint64_t num_guesses_ = 0;
+  std::uint64_t missing_guesses_ = 0;
   std::thread worker_;
+  std::vector<ros::Subscriber> mask_subscribers_;
   std::unique_ptr<StereoSubscriber> subscriber_;
   std::unique_ptr<Doctor> doctor_;
   std::unique_ptr<Reconfiguration> reconfiguration_;

@@ -72,6 +72,6 @@ InputFacts StereoSubscriber::facts() const {
   return facts;
 }
 
-double StereoSubscriber::silenceSeconds() const { return wallSeconds() - last_set_s_; }
+double StereoSubscriber::secondsSinceSet() const { return wallSeconds() - last_set_s_; }
 
 }  // namespace point_line_odometry

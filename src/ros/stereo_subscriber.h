@@ -14,8 +14,7 @@
 
 namespace point_line_odometry {
 
-/// Subscribes to the four topics of a stereo camera and hands over what belongs together. The
-/// subscriptions end with it.
+/// Subscribes to the four topics of a stereo camera and calls back with synchronised sets.
 class StereoSubscriber {
  public:
   /// \param nh names are resolved here: left/image_rect, right/image_rect (image_raw with
@@ -24,7 +23,7 @@ class StereoSubscriber {
   /// \param private_nh where the image transports look up their own parameters.
   /// \param callback called from the callback queue of `nh`, never from two threads at once if that
   /// is a serial queue.
-  /// \param rejected the same, see StereoInput.
+  /// \param rejected likewise, see StereoInput.
   StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                    const NodeParameters& parameters, StereoInput::Callback callback,
                    StereoInput::RejectionCallback rejected = nullptr);
@@ -32,14 +31,14 @@ class StereoSubscriber {
   StereoSubscriber(const StereoSubscriber&) = delete;
   StereoSubscriber& operator=(const StereoSubscriber&) = delete;
 
-  /// What came so far.
+  /// Messages received so far.
   InputFacts facts() const;
 
   /// Time since the last complete set [s] of wall time, or since the start.
-  double silenceSeconds() const;
+  double secondsSinceSet() const;
 
   /// As StereoInput's.
-  std::string explainSilence() const { return input_.explainSilence(); }
+  std::string explainTimeout() const { return input_.explainTimeout(); }
 
  private:
   void subscribe(ros::NodeHandle nh, const ros::NodeHandle& private_nh);

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ros/conversions.h"
+#include "ros/calibration_conversion.h"
 #include "ros/parameter_tree.h"
 
 namespace point_line_odometry {
@@ -21,17 +21,22 @@ using std::chrono::duration;
 using std::chrono::duration_cast;
 
 constexpr std::uint32_t kQueueSize = 10;
+constexpr std::uint32_t kImuQueueSize = 2000;
+/// Samples are published until so long after a frame, beyond the largest time offset, and none that
+/// are older than the frame by more.
+constexpr std::int64_t kImuAhead_ns = 60000000;
+constexpr std::int64_t kImuKept_ns = 500000000;
 constexpr double kReportPeriod_s = 10.0;
-/// How often it is asked whether somebody listens.
+/// Interval at which subscribers are looked for.
 constexpr std::chrono::milliseconds kPoll{50};
-/// How long nobody is told that the camera waits for listeners.
+/// Wait for subscribers before the first message about it.
 constexpr std::chrono::seconds kPatience{5};
-/// How long an answer in lockstep is waited for, of real time.
+/// Timeout of an answer in lockstep, real time.
 constexpr std::chrono::seconds kAnswerTimeout{2};
-/// What the last messages are given to leave the process before it ends.
+/// Time for the last messages to be sent before the process ends.
 constexpr std::chrono::seconds kFlush{1};
 
-/// Throws std::runtime_error unless the clock of this process is the one that the stamps need.
+/// Throws std::runtime_error if use_sim_time and publish_clock contradict each other.
 void requireClock(bool publish_clock) {
   if (publish_clock && ros::Time::isSystemTime()) {
     throw std::runtime_error(
@@ -68,6 +73,7 @@ void SyntheticStereoNodelet::onInit() {
 
 void SyntheticStereoNodelet::start(const SyntheticStereoParameters& parameters) {
   parameters_ = parameters;
+  played_ = playedCamera(parameters_.as);
   requireClock(parameters_.publish_clock);
   names_ = {parameters_.odom_frame_id, parameters_.base_frame_id, parameters_.left_frame_id,
             parameters_.right_frame_id};
@@ -87,19 +93,51 @@ void SyntheticStereoNodelet::advertise() {
   const std::string image = imageTopicName(world_->needsRectification());
   const auto camera = [&](const std::string& side, const std::string& frame) {
     return Camera{transport.advertise(side + "/" + image, kQueueSize),
-                  nh.advertise<sensor_msgs::CameraInfo>(side + "/camera_info", kQueueSize), frame};
+                  nh.advertise<sensor_msgs::CameraInfo>(side + "/camera_info", kQueueSize),
+                  parameters_.world.bonnet > 0.0
+                      ? nh.advertise<sensor_msgs::Image>(side + "/mask_image", kQueueSize)
+                      : ros::Publisher(),
+                  frame,
+                  frame,
+                  ros::Duration(0)};
   };
-  cameras_ = {camera("left", names_.left), camera("right", names_.right)};
+  if (played_) {
+    advertiseAs(*played_);
+  } else {
+    cameras_ = {camera("left", names_.left), camera("right", names_.right)};
+  }
   ground_truth_ = std::make_unique<GroundTruthPublisher>(
       nh, names_, static_cast<std::size_t>(parameters_.path_max_length));
+  imu_ = nh.advertise<sensor_msgs::Imu>("imu", kImuQueueSize);
+  wheels_ = nh.advertise<nav_msgs::Odometry>(kWheelTopic, kImuQueueSize);
   broadcaster_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
-  broadcaster_->sendTransform(
-      toMountingTransforms(world_->calibration(), names_, time_of_first_frame_));
+  std::vector<geometry_msgs::TransformStamped> transforms =
+      toMountingTransforms(world_->calibration(), names_, time_of_first_frame_);
+  transforms.push_back(toImuTransform(world_->imu(0).T_imu_camera, names_, time_of_first_frame_));
+  transforms.push_back(
+      toWheelTransform(world_->wheels(0).T_body_camera, names_, time_of_first_frame_));
+  broadcaster_->sendTransform(transforms);
   if (parameters_.publish_clock) clock_ = nh.advertise<rosgraph_msgs::Clock>("/clock", kQueueSize);
   if (!parameters_.lockstep_topic.empty()) {
     answers_ = nh.subscribe(parameters_.lockstep_topic, kQueueSize,
                             &SyntheticStereoNodelet::takeAnswer, this);
   }
+}
+
+/// The driver's own topics; of two images in one, the second camera has none.
+void SyntheticStereoNodelet::advertiseAs(const PlayedCamera& played) {
+  ros::NodeHandle& nh = getNodeHandle();
+  image_transport::ImageTransport transport(nh);
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    const PlayedCamera::Side& side = played.sides[i];
+    Camera& camera = cameras_[i];
+    if (!side.image.empty()) camera.images = transport.advertise(side.image, kQueueSize);
+    if (!side.info.empty())
+      camera.infos = nh.advertise<sensor_msgs::CameraInfo>(side.info, kQueueSize);
+    camera.frame = side.frame;
+    camera.info_frame = side.info_frame;
+  }
+  cameras_[1].stamp_offset = ros::Duration(played.right_stamp_offset_s);
 }
 
 void SyntheticStereoNodelet::takeAnswer(const nav_msgs::OdometryConstPtr& answer) {
@@ -148,19 +186,20 @@ bool SyntheticStereoNodelet::waitToBegin() {
   return true;
 }
 
-/// Simulated time is there, but does not go on. False if the nodelet is to end.
+/// Publishes the same simulated time until then. False if the nodelet is to end.
 bool SyntheticStereoNodelet::standStillUntil(Clock::time_point time) {
   publishClock(time_of_first_frame_);
   return sleepUntil(time);
 }
 
-/// What keeps the first frame from being complete for somebody, in words; empty if nothing does.
+/// Text on the subscriber or publisher that the first frame waits for; empty if there is none.
 std::string SyntheticStereoNodelet::missingListeners() const {
   for (const Camera& camera : cameras_) {
-    if (camera.images.getNumSubscribers() == 0) {
+    if (camera.images && camera.images.getNumSubscribers() == 0) {
       return "a subscriber of " + camera.images.getTopic();
     }
-    if (camera.infos.getNumSubscribers() == 0) return "a subscriber of " + camera.infos.getTopic();
+    if (camera.infos && camera.infos.getNumSubscribers() == 0)
+      return "a subscriber of " + camera.infos.getTopic();
   }
   if (answers_ && answers_.getNumPublishers() == 0) {
     return "a publisher of " + answers_.getTopic() + " (lockstep_topic)";
@@ -168,7 +207,7 @@ std::string SyntheticStereoNodelet::missingListeners() const {
   return {};
 }
 
-/// Renders a frame, waits for its time and publishes it. False if the nodelet is to end.
+/// Renders a frame, waits until it is due and publishes it. False if the nodelet is to end.
 bool SyntheticStereoNodelet::showFrame(std::size_t frame) {
   std::optional<StereoImages> images;
   if (somebodyWantsImages()) images = world_->render(frame);
@@ -177,7 +216,7 @@ bool SyntheticStereoNodelet::showFrame(std::size_t frame) {
   return true;
 }
 
-/// The one after it, or in real time the first one whose time has not passed.
+/// The frame after it, or in real time the first one that is not overdue.
 std::size_t SyntheticStereoNodelet::nextFrame(std::size_t frame) {
   if (parameters_.publish_clock) return frame + 1;
   const double late_s = duration<double>(Clock::now() - due_).count();
@@ -199,20 +238,63 @@ void SyntheticStereoNodelet::publish(std::size_t frame, const std::optional<Ster
                                             world_->pose(frame), world_->pose(frame + 1)};
   const ros::Time stamp = toRosTime(poses[1].stamp_ns);
   publishClock(stamp);
+  publishImu(frame);
+  publishWheels(frame);
   const StereoCalibration& calibration = world_->calibration();
-  publishCamera(cameras_[0], calibration.left, images ? &images->left : nullptr, stamp);
-  publishCamera(cameras_[1], calibration.right, images ? &images->right : nullptr, stamp);
+  if (played_ && played_->side_by_side) {
+    if (!images) return;
+    cv::Mat both;
+    cv::hconcat(images->left, images->right, both);
+    publishCamera(cameras_[0], calibration.left, &both, nullptr, stamp);
+    ground_truth_->publish(stamp, poses);
+    return;
+  }
+  publishCamera(cameras_[0], calibration.left, images ? &images->left : nullptr,
+                images ? &images->left_mask : nullptr, stamp);
+  publishCamera(cameras_[1], calibration.right, images ? &images->right : nullptr,
+                images ? &images->right_mask : nullptr, stamp);
   ground_truth_->publish(stamp, poses);
   if (images && answers_) unanswered_ = stamp;
 }
 
 void SyntheticStereoNodelet::publishCamera(const Camera& camera,
                                            const CameraCalibration& calibration,
-                                           const cv::Mat* image, const ros::Time& stamp) {
-  const std_msgs::Header header = makeHeader(camera.frame, stamp);
-  camera.infos.publish(
-      boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(calibration, header)));
-  if (image) camera.images.publish(toImageMessage(*image, header));
+                                           const cv::Mat* image, const cv::Mat* mask,
+                                           const ros::Time& stamp) {
+  const std_msgs::Header header = makeHeader(camera.frame, stamp + camera.stamp_offset);
+  if (camera.infos) {
+    camera.infos.publish(boost::make_shared<sensor_msgs::CameraInfo>(
+        toCameraInfo(calibration, makeHeader(camera.info_frame, header.stamp))));
+  }
+  if (mask && camera.masks) camera.masks.publish(toImageMessage(*mask, header));
+  const std::string encoding = played_ ? played_->encoding : "mono8";
+  if (image) camera.images.publish(toImageMessage(*image, header, encoding));
+}
+
+/// The samples since the last frame, and those that end the interval until this one.
+void SyntheticStereoNodelet::publishImu(std::size_t frame) {
+  const std::int64_t until_ns = world_->pose(frame).stamp_ns + kImuAhead_ns;
+  if (!next_imu_) next_imu_ = world_->imuSamples();
+  while (last_imu_ns_ < until_ns) {
+    const ImuSample sample = next_imu_();
+    last_imu_ns_ = sample.stamp_ns;
+    if (sample.stamp_ns < until_ns - kImuKept_ns) continue;
+    imu_.publish(toImuMessage(sample, makeHeader(names_.imu, toRosTime(sample.stamp_ns))));
+  }
+}
+
+/// As publishImu().
+void SyntheticStereoNodelet::publishWheels(std::size_t frame) {
+  const std::int64_t until_ns = world_->pose(frame).stamp_ns + kImuAhead_ns;
+  if (!next_wheels_) next_wheels_ = world_->wheelSamples();
+  while (!last_wheels_ || last_wheels_->stamp_ns < until_ns) {
+    const OdometrySample sample = next_wheels_();
+    if (sample.stamp_ns >= until_ns - kImuKept_ns) {
+      wheels_.publish(toWheelMessage(sample, last_wheels_ ? &*last_wheels_ : nullptr, names_,
+                                     toRosTime(sample.stamp_ns)));
+    }
+    last_wheels_ = sample;
+  }
 }
 
 void SyntheticStereoNodelet::publishClock(const ros::Time& time) {
@@ -223,8 +305,9 @@ void SyntheticStereoNodelet::publishClock(const ros::Time& time) {
 }
 
 bool SyntheticStereoNodelet::somebodyWantsImages() const {
-  return std::any_of(cameras_.begin(), cameras_.end(),
-                     [](const Camera& camera) { return camera.images.getNumSubscribers() > 0; });
+  return std::any_of(cameras_.begin(), cameras_.end(), [](const Camera& camera) {
+    return camera.images && camera.images.getNumSubscribers() > 0;
+  });
 }
 
 void SyntheticStereoNodelet::finish() {
@@ -234,8 +317,8 @@ void SyntheticStereoNodelet::finish() {
   if (parameters_.exit_when_done && sleepUntil(Clock::now() + kFlush)) ros::requestShutdown();
 }
 
-/// Real time: when a camera would have taken it. Simulated time: never faster than `rate`, but a
-/// delay is not made up for. False if the nodelet is to end.
+/// Waits in real time until the time of exposure; in simulated time so that frames are not faster
+/// than `rate`, without catching up on delays. False if the nodelet is to end.
 bool SyntheticStereoNodelet::waitUntilDue(std::int64_t stamp_ns) {
   const std::chrono::nanoseconds step(stamp_ns - last_stamp_ns_);
   last_stamp_ns_ = stamp_ns;

@@ -11,26 +11,28 @@
 #include <chrono>
 #include <condition_variable>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
-#include "point_line_odometry/synthetic_world.h"
 #include "ros/camera_messages.h"
 #include "ros/ground_truth_publisher.h"
+#include "ros/played_camera.h"
 #include "ros/synthetic_stereo_parameters.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 
-/// The synthetic world as a stereo camera: a driver that needs no device and knows the true motion.
+/// The synthetic world as a stereo camera: a driver without a device, with ground truth.
 ///
-/// In real time (the default) stamps are wall time, and what the computer is too slow to render is
-/// skipped, as a camera does. With `publish_clock` the node is the source of simulated time: every
-/// frame comes, and the clock waits for it. Images are rendered only while somebody listens to
-/// them; time and motion go on all the same. Messages are published as shared pointers and never
-/// touched again, so that nodelets of the same manager get them without a copy.
+/// In real time (the default) stamps are wall time, and frames that the computer is too slow to
+/// render are skipped. With `publish_clock` the node is the source of simulated time: no frame is
+/// skipped, and the clock waits for it. Images are rendered only while they have subscribers; time
+/// and motion go on regardless. Messages are published as shared pointers and not written to
+/// afterwards, so that nodelets of the same manager get them without a copy.
 class SyntheticStereoNodelet : public nodelet::Nodelet {
  public:
   SyntheticStereoNodelet() = default;
@@ -44,12 +46,16 @@ class SyntheticStereoNodelet : public nodelet::Nodelet {
   struct Camera {
     image_transport::Publisher images;
     ros::Publisher infos;
+    ros::Publisher masks;  // if there are some
     std::string frame;
+    std::string info_frame;
+    ros::Duration stamp_offset;
   };
 
   void onInit() override;
   void start(const SyntheticStereoParameters& parameters);
   void advertise();
+  void advertiseAs(const PlayedCamera& played);
   void takeAnswer(const nav_msgs::OdometryConstPtr& answer);
 
   void work();
@@ -61,7 +67,9 @@ class SyntheticStereoNodelet : public nodelet::Nodelet {
   std::size_t nextFrame(std::size_t frame);
   void publish(std::size_t frame, const std::optional<StereoImages>& images);
   void publishCamera(const Camera& camera, const CameraCalibration& calibration,
-                     const cv::Mat* image, const ros::Time& stamp);
+                     const cv::Mat* image, const cv::Mat* mask, const ros::Time& stamp);
+  void publishImu(std::size_t frame);
+  void publishWheels(std::size_t frame);
   void publishClock(const ros::Time& time);
   bool somebodyWantsImages() const;
   void finish();
@@ -72,17 +80,24 @@ class SyntheticStereoNodelet : public nodelet::Nodelet {
   ros::Time toRosTime(std::int64_t stamp_ns) const;
 
   SyntheticStereoParameters parameters_;
+  std::optional<PlayedCamera> played_;
   CameraFrameNames names_;
   std::unique_ptr<SyntheticWorld> world_;
   std::unique_ptr<tf2_ros::StaticTransformBroadcaster> broadcaster_;
   std::unique_ptr<GroundTruthPublisher> ground_truth_;
   std::array<Camera, 2> cameras_;
   ros::Publisher clock_;
+  ros::Publisher imu_;
+  std::function<ImuSample()> next_imu_;
+  std::int64_t last_imu_ns_ = std::numeric_limits<std::int64_t>::min();
+  ros::Publisher wheels_;
+  std::function<OdometrySample()> next_wheels_;
+  std::optional<OdometrySample> last_wheels_;
   ros::Subscriber answers_;
 
   // Used by the worker only.
   ros::Time time_of_first_frame_;
-  Clock::time_point due_;  // when the frame shown last was due
+  Clock::time_point due_;  // when the last published frame was due
   std::int64_t last_stamp_ns_ = 0;
   std::optional<ros::Time> unanswered_;
   std::size_t num_skipped_ = 0;

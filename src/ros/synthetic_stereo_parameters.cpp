@@ -1,10 +1,13 @@
 #include "ros/synthetic_stereo_parameters.h"
 
+#include <optional>
 #include <set>
 #include <vector>
 
-#include "odometry/parameter_checker.h"
+#include "common/join.h"
+#include "common/parameter_checker.h"
 #include "ros/parameter_tree.h"
+#include "ros/played_camera.h"
 
 namespace point_line_odometry {
 namespace {
@@ -36,6 +39,21 @@ void checkTogether(const SyntheticStereoParameters& p, std::vector<std::string>*
   }
 }
 
+/// Camera, frames and rate of the driver that is played. A sentence if there is none of that name.
+std::string applyPlayedCamera(SyntheticStereoParameters* p) {
+  if (p->as.empty()) return {};
+  const std::optional<PlayedCamera> played = playedCamera(p->as);
+  if (!played)
+    return "as is '" + p->as + "', but must be one of " + join(playedCameraNames(), ", ");
+  p->base_frame_id = played->base_frame;
+  p->left_frame_id = played->sides[0].frame;
+  p->right_frame_id = played->sides[1].frame;
+  p->world.camera = played->calibration;
+  p->world.camera_is_raw = played->raw;
+  if (p->world.frame_rate_hz == 0.0) p->world.frame_rate_hz = played->frame_rate_hz;
+  return {};
+}
+
 }  // namespace
 
 SyntheticStereoParameters parseSyntheticStereoParameters(const XmlRpc::XmlRpcValue& tree) {
@@ -49,6 +67,8 @@ SyntheticStereoParameters parseSyntheticStereoParameters(const XmlRpc::XmlRpcVal
   } catch (const InputError& error) {
     errors.emplace_back(error.what());
   }
+  if (const std::string unknown = applyPlayedCamera(&parameters); !unknown.empty())
+    errors.push_back(unknown);
   Checker checker;
   visitSyntheticStereoParameters(parameters, checker);
   checkFrameNames(parameters, &checker.errors);

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "point_line_odometry/synthetic_world.h"
+#include "world/synthetic_world.h"
 
 namespace point_line_odometry {
 
@@ -12,6 +12,7 @@ namespace point_line_odometry {
 struct SyntheticStereoParameters {
   SyntheticWorldOptions world;
 
+  std::string as;
   std::string path;
   int frames = 0;
   bool exit_when_done = false;
@@ -28,19 +29,23 @@ struct SyntheticStereoParameters {
   std::string right_frame_id = "right_camera";
 };
 
-/// The one table of the camera's own parameters, besides visitWorldOptions(); `visit` is called as
-/// by visitNodeParameters().
+/// The table of the camera's own parameters, in addition to visitWorldOptions(); `visit` is called
+/// as by visitNodeParameters().
 template <typename AnyParameters, typename Visitor>
 void visitSyntheticStereoParameters(AnyParameters& p, Visitor&& visit) {
+  visit(
+      "as", p.as,
+      "camera to play, as its driver publishes it: realsense_d4xx, zed, oak_d, mynteye, stereo_usb "
+      "or t265_fisheye; empty: the scene's own");
   visit("path", p.path,
         "file (TUM) of the left camera's trajectory to follow; empty: the scene's own motion");
-  visit("frames", p.frames, 0, 1000000000, "", "stop after so many frames; 0: endless");
+  visit("frames", p.frames, 0, 1000000000, "", "number of frames after which to stop; 0: endless");
   visit("exit_when_done", p.exit_when_done,
         "after `frames` frames end the process, with all nodelets in it");
   visit("wait_for_subscribers", p.wait_for_subscribers,
-        "begin when somebody listens to both images and both camera_infos");
+        "begin when both images and both camera_infos have subscribers");
   visit("delay_s", p.delay_s, 0.0, 3600.0, "s",
-        "real time after that until the first frame, for others who want to listen");
+        "real time after that until the first frame, for further subscribers");
   visit("publish_clock", p.publish_clock,
         "publish simulated time on /clock: a slow computer slows the world down, no frame is lost");
   visit("rate", p.rate, 0.01, 100.0, "", "simulated seconds in a real one, at most");

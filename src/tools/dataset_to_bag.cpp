@@ -1,11 +1,12 @@
 /// \file
-/// Writes a KITTI or EuRoC folder, or the synthetic world, to a bag that stereo nodes can take:
+/// Writes a KITTI or EuRoC folder, or the synthetic world, to a bag for stereo nodes:
 /// images, camera_info, static transforms and, where there is one, the ground truth as a path.
 
 #include <iostream>
 #include <memory>
 #include <string>
 
+#include "common/input_error.h"
 #include "tools/command_line.h"
 #include "tools/source_filters.h"
 #include "tools/stereo_bag.h"
@@ -19,6 +20,8 @@ namespace po = boost::program_options;
 int runCommandLine(int argc, char** argv) {
   std::string dataset;
   StereoBagOptions options;
+  MaskRequest masks;
+  masks.of_source = true;
   long max_frames = 0;
   long every = 1;
   po::options_description visible("Options");
@@ -28,9 +31,14 @@ int runCommandLine(int argc, char** argv) {
        "name space of the images")
       ("compression", po::value(&options.compression)->value_name("KIND")->default_value("none"),
        "none, lz4 or bz2")
+      ("left-mask", po::value(&masks.files[0])->value_name("FILE"),
+       "image of the left camera's size, 0 where its pixels are to be ignored")
+      ("right-mask", po::value(&masks.files[1])->value_name("FILE"),
+       "the same for the right camera")
       ("every", po::value(&every)->value_name("N"), "take every Nth frame")
       ("max-frames", po::value(&max_frames)->value_name("N"), "stop after N frames")
       ("quiet", po::bool_switch(&options.quiet), "no progress bar and no text")
+      ("version", "print the version and the formats that are read, and end")
       ("help,h", "print this help and end");
   // clang-format on
   po::options_description all(visible);
@@ -42,6 +50,9 @@ int runCommandLine(int argc, char** argv) {
                  "(synthetic:SCENE[,name=value ...], see offline_odometry), to a bag:\n"
                  "  NS/left|right/image_rect (KITTI) or image_raw (EuRoC), mono8\n"
                  "  NS/left|right/camera_info   K, D, R and P of each camera\n"
+                 "  NS/left|right/mask_image    masks given here or of the synthetic bonnet\n"
+                 "  NS/imu                      if there is an IMU (EuRoC, synthetic world)\n"
+                 "  /wheel_odom                 if there are wheels (synthetic world)\n"
                  "  /tf_static                  base_link -> left_camera -> right_camera\n"
                  "  /ground_truth/path          poses of base_link in odom, if there are any\n"
                  "base_link lies in the left camera, with x forward, y left and z up.\n\n"
@@ -53,8 +64,9 @@ int runCommandLine(int argc, char** argv) {
   requirePositive("--max-frames", max_frames, values);
   requirePositive("--every", every, values);
   options.max_frames = static_cast<std::size_t>(max_frames);
-  EveryNthSource source(openDataset(dataset), static_cast<std::size_t>(every));
-  writeStereoBag(source, options);
+  const auto source =
+      everyNth(masked(openDataset(dataset), masks), static_cast<std::size_t>(every));
+  writeStereoBag(*source, options);
   return 0;
 }
 
@@ -62,6 +74,6 @@ int runCommandLine(int argc, char** argv) {
 }  // namespace point_line_odometry
 
 int main(int argc, char** argv) {
-  return point_line_odometry::runTool(
-      "dataset_to_bag", [&] { return point_line_odometry::runCommandLine(argc, argv); });
+  return point_line_odometry::runTool("dataset_to_bag", argc, argv,
+                                      point_line_odometry::runCommandLine);
 }

@@ -1,6 +1,6 @@
 /// \file
-/// Examines what a stereo camera publishes, live or in a bag, and says what keeps the odometry from
-/// working and what to do about it.
+/// Checks what a stereo camera publishes, live or in a bag: reports faults that keep the odometry
+/// from working, with a hint for each.
 
 #include "ros/doctor.h"
 
@@ -14,12 +14,18 @@
 #include <iostream>
 #include <string>
 
-#include "ros/doctor_examination.h"
-#include "ros/doctor_judgement.h"
+#include "common/input_error.h"
+#include "ros/conversions.h"
+#include "ros/doctor_checks.h"
+#include "ros/doctor_rules.h"
+#include "ros/mask_buffer.h"
+#include "ros/parameter_loader.h"
+#include "ros/sample_input.h"
 #include "ros/stereo_subscriber.h"
 #include "tools/command_line.h"
 #include "tools/doctor_bag.h"
 #include "tools/doctor_pairs.h"
+#include "tools/interruption.h"
 
 namespace point_line_odometry {
 namespace {
@@ -38,7 +44,7 @@ struct Options {
   double max_interval_s = 0.0;
 };
 
-/// Parameters of the command line over others.
+/// Overrides parameters by those of the command line.
 void applyOptions(const Options& options, const po::variables_map& values,
                   NodeParameters* parameters) {
   if (values.count("rectify") > 0) parameters->rectify = options.rectify;
@@ -49,14 +55,57 @@ void applyOptions(const Options& options, const po::variables_map& values,
   parameters->approximate_sync_max_interval_s = options.max_interval_s;
 }
 
-/// \param facts those of the examination. \return the lines of the report.
+/// \param facts collected by the checks. \return the lines of the report.
 std::vector<DoctorLine> conclude(const DoctorPairs& pairs, const AllParameters& parameters,
                                  DoctorFacts facts) {
-  facts.frame_ms = pairs.medianFrameMs(parameters);
-  return examine(facts);
+  pairs.process(parameters, &facts);
+  return checkInput(facts);
 }
 
-std::vector<DoctorLine> examineLive(const Options& options, const po::variables_map& values) {
+// Processed sets: for the speed, and so many that the camera's rates tell the axes of an IMU.
+constexpr std::size_t kSets = 10;
+constexpr std::size_t kSetsWithImu = 60;
+
+/// The IMU of a node that uses it; an empty subscriber otherwise.
+ros::Subscriber subscribeToImu(ros::NodeHandle nh, const AllParameters& parameters,
+                               ImuCheckFacts* imu) {
+  if (!parameters.core.imu.enabled) return {};
+  imu->topic = nh.resolveName("imu");
+  constexpr std::size_t kMost = 100000;
+  const boost::function<void(const sensor_msgs::ImuConstPtr&)> take =
+      [imu](const sensor_msgs::ImuConstPtr& message) {
+        if (imu->samples.size() >= kMost) return;
+        imu->frame = withoutLeadingSlash(message->header.frame_id);
+        imu->samples.push_back(toSample(*message).sample);
+      };
+  constexpr std::uint32_t kQueueSize = 2000;
+  return nh.subscribe("imu", kQueueSize, take);
+}
+
+/// Adds the samples, with the axes of the IMU that tf gives.
+void addImu(ImuCheckFacts imu, const AllParameters& parameters, const tf2::BufferCore& tf,
+            DoctorFacts* facts) {
+  imu.parameters = parameters.core.imu;
+  try {
+    if (!imu.frame.empty()) {
+      const auto transform = tf.lookupTransform(facts->camera_frame, imu.frame, ros::Time(0));
+      imu.R_camera_imu = toIsometry(transform.transform).linear();
+    }
+  } catch (const tf2::TransformException&) {
+    imu.R_camera_imu.reset();  // the line says so
+  }
+  facts->imu = std::move(imu);
+}
+
+void spinFor(double seconds) {
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
+  while (ros::WallTime::now() < end && ros::ok()) {
+    throwIfInterrupted();
+    ros::getGlobalCallbackQueue()->callOne(ros::WallDuration(0.05));
+  }
+}
+
+std::vector<DoctorLine> checkLive(const Options& options, const po::variables_map& values) {
   if (!ros::master::check()) {
     throw InputError("no ROS master answers at " + ros::master::getURI() +
                      ": start the robot's or set ROS_MASTER_URI, or name a bag");
@@ -66,24 +115,30 @@ std::vector<DoctorLine> examineLive(const Options& options, const po::variables_
   applyOptions(options, values, &parameters.node);
   tf2_ros::Buffer tf;
   const tf2_ros::TransformListener listener(tf, nh);
-  DoctorExamination examination(parameters.node);
-  DoctorPairs pairs;
+  DoctorChecks checks(parameters.node);
+  DoctorPairs pairs(parameters.core.imu.enabled ? kSetsWithImu : kSets);
+  ImuCheckFacts imu;
+  const ros::Subscriber imu_subscriber = subscribeToImu(nh, parameters, &imu);
+  MaskBuffer masks(parameters.node);
+  const auto mask_subscribers = subscribeToMasks(nh, parameters.node, &masks);
+  bool watching = true;
   const StereoSubscriber subscriber(nh, ros::NodeHandle("~"), parameters.node,
                                     [&](const StereoMessages& set) {
-                                      pairs.take(set, ros::WallTime::now().toSec(), &examination);
+                                      if (watching) pairs.take(set, ros::WallTime::now().toSec());
                                     });
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(options.seconds);
-  while (ros::WallTime::now() < end && ros::ok()) {
-    throwIfInterrupted();
-    ros::getGlobalCallbackQueue()->callOne(ros::WallDuration(0.05));
-  }
-  DoctorFacts facts = examination.facts(subscriber.facts(), tf);
+  spinFor(options.seconds);
+  watching = false;
+  if (!mask_subscribers.empty()) spinFor(parameters.node.mask_wait_s);
+  pairs.addMasks(&masks);
+  pairs.measure(&checks);
+  DoctorFacts facts = checks.facts(subscriber.facts(), tf);
+  if (imu_subscriber) addImu(imu, parameters, tf, &facts);
   facts.image_topics = publishedImageTopics();
-  facts.clock_stands = clockStands();
+  facts.clock_missing = isClockMissing();
   return conclude(pairs, parameters, facts);
 }
 
-std::vector<DoctorLine> examineBag(const Options& options, const po::variables_map& values) {
+std::vector<DoctorLine> checkBag(const Options& options, const po::variables_map& values) {
   ros::Time::init();
   DoctorBag bag(options.bag);
   AllParameters parameters;
@@ -92,13 +147,14 @@ std::vector<DoctorLine> examineBag(const Options& options, const po::variables_m
   if (topics.right.empty()) topics.right = rightTopicOf(topics.left);
   parameters.node.rectify = topics.raw();
   applyOptions(options, values, &parameters.node);
-  DoctorExamination examination(parameters.node);
-  DoctorPairs pairs;
-  const auto take = [&](const StereoMessages& set, double time_s) {
-    pairs.take(set, time_s, &examination);
-  };
+  DoctorChecks checks(parameters.node);
+  const std::string imu_topic = bag.findImu(topics);
+  DoctorPairs pairs(imu_topic.empty() ? kSets : kSetsWithImu);
+  const auto take = [&](const StereoMessages& set, double time_s) { pairs.take(set, time_s); };
   const InputFacts input = bag.read(topics, parameters.node, options.seconds, take);
-  DoctorFacts facts = examination.facts(input, bag.transforms());
+  pairs.measure(&checks);
+  DoctorFacts facts = checks.facts(input, bag.transforms());
+  if (!imu_topic.empty()) addImu(bag.readImu(imu_topic), parameters, bag.transforms(), &facts);
   facts.from_bag = true;
   facts.image_topics = bag.imageTopics();
   return conclude(pairs, parameters, facts);
@@ -120,14 +176,14 @@ int runCommandLine(int argc, char** argv) {
       ("ns", po::value(&options.name_space)->value_name("NS")->default_value("stereo"),
        "namespace of the camera")
       ("node", po::value(&options.node)->value_name("NAME")->default_value("stereo_odometry"),
-       "odometry node within it, whose parameters are taken if it runs")
+       "odometry node within it, whose parameters are used if it runs")
       ("rectify", po::value(&options.rectify)->value_name("BOOL")->implicit_value(true, "true"),
-       "image_raw is taken and rectified by camera_info; default: as the node has it, or as "
-       "the bag's topics are named")
+       "use image_raw and rectify with camera_info; default: as the node does, or by the "
+       "names of the bag's topics")
       ("transport", po::value(&options.transport)->value_name("NAME"),
        "image transport: raw, compressed, ...")
       ("base-frame", po::value(&options.base_frame)->value_name("FRAME"),
-       "frame whose pose is wanted; default: base_link, or as the node has it")
+       "frame whose pose is estimated; default: base_link, or that of the node")
       ("approximate-sync", po::value(&options.max_interval_s)->value_name("SECONDS"),
        "stamps of a pair may differ by up to this")
       ("left-topic", po::value(&options.topics.left)->value_name("TOPIC"),
@@ -136,6 +192,7 @@ int runCommandLine(int argc, char** argv) {
        "right images of a bag; default: by the name of the left ones")
       ("seconds", po::value(&options.seconds)->value_name("S")->default_value(5.0, "5"),
        "how long to watch, or how much of a bag to read from its first image on")
+      ("version", "print the version and the formats that are read, and end")
       ("help,h", "print this help and end");
   // clang-format on
   po::options_description all(visible);
@@ -143,10 +200,10 @@ int runCommandLine(int argc, char** argv) {
   const po::variables_map values = parseArguments(argc, argv, all, {"bag"});
   if (values.count("help") > 0) {
     std::cout << "usage: doctor [BAG] [options] [ROS remappings]\n\n"
-                 "Examines the images of a stereo camera, live or in a bag: topics, stamps,\n"
-                 "calibration, rectification, exchanged cameras, tf and time per frame. What\n"
-                 "failed comes with its cure. Exit code 0: nothing failed; 1: a line says WARN or\n"
-                 "ERROR; 2: nothing could be examined. Names are resolved as the odometry does:\n"
+                 "Checks the images of a stereo camera, live or in a bag: topics, stamps,\n"
+                 "calibration, rectification, swapped cameras, tf and time per frame. Each fault\n"
+                 "has a hint. Exit code 0: nothing failed; 1: a line says WARN or ERROR; 2:\n"
+                 "nothing could be checked. Names are resolved as the odometry does:\n"
                  "  rosrun point_line_odometry doctor --ns stereo left/image_rect:=/cam0/image\n\n"
               << visible;
     return 0;
@@ -157,13 +214,12 @@ int runCommandLine(int argc, char** argv) {
   if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 1.0) {
     throw InputError("option --approximate-sync must be a number of seconds from 0 to 1");
   }
-  return report(options.bag.empty() ? examineLive(options, values) : examineBag(options, values));
+  return report(options.bag.empty() ? checkLive(options, values) : checkBag(options, values));
 }
 
 }  // namespace
 }  // namespace point_line_odometry
 
 int main(int argc, char** argv) {
-  return point_line_odometry::runTool(
-      "doctor", [&] { return point_line_odometry::runCommandLine(argc, argv); });
+  return point_line_odometry::runTool("doctor", argc, argv, point_line_odometry::runCommandLine);
 }

@@ -1,57 +1,40 @@
 #pragma once
 
-#include <chrono>
+#include <cstddef>
 #include <deque>
-#include <exception>
-#include <optional>
 #include <vector>
 
-#include "common/statistics.h"
-#include "ros/doctor_examination.h"
-#include "ros/frame_processor.h"
+#include "ros/doctor_checks.h"
+#include "ros/doctor_facts.h"
+#include "ros/mask_buffer.h"
+#include "ros/node_parameters.h"
 
 namespace point_line_odometry {
 
-/// The sets of images that an examination of limited time looks at.
+/// The image sets that a check of limited duration uses.
 class DoctorPairs {
  public:
-  /// Keeps the latest sets, and has some of the first ones measured.
-  void take(const StereoMessages& set, double time_s, DoctorExamination* examination) {
-    constexpr std::size_t kKept = 10;
-    sets_.push_back(set);
-    if (sets_.size() > kKept) sets_.pop_front();
-    constexpr double kPause_s = 0.3;
-    constexpr std::size_t kMeasured = PairTrend::kWindow;
-    if (num_measured_ >= kMeasured) return;
-    if (num_measured_ > 0 && time_s - last_measured_s_ < kPause_s) return;
-    examination->measure(set);
-    last_measured_s_ = time_s;
-    ++num_measured_;
-  }
+  /// \param kept so many of the latest sets are processed.
+  explicit DoctorPairs(std::size_t kept = 10) : kept_(kept) {}
 
-  /// Time that this computer takes for a frame, the first one not counted [ms]; nothing if there
-  /// are fewer than two or they cannot be used.
-  std::optional<double> medianFrameMs(const AllParameters& parameters) const {
-    using Clock = std::chrono::steady_clock;
-    std::vector<double> times_ms;
-    try {
-      FrameProcessor processor(parameters);
-      for (const StereoMessages& set : sets_) {
-        const Clock::time_point begin = Clock::now();
-        processor.process(set, Eigen::Isometry3d::Identity());
-        times_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
-      }
-    } catch (const std::exception&) {
-      return std::nullopt;  // the other lines say why
-    }
-    if (times_ms.size() < 2) return std::nullopt;
-    return median(std::vector<double>(times_ms.begin() + 1, times_ms.end()));
-  }
+  /// Keeps the latest sets, and some of the first ones to be measured.
+  void take(const StereoMessages& set, double time_s);
+
+  /// Adds the masks of the sets kept.
+  void addMasks(MaskBuffer* masks);
+
+  /// Measures those kept for it.
+  void measure(DoctorChecks* checks) const;
+
+  /// Processes the sets kept, and adds the median time for a frame on this computer, without the
+  /// first one, what the masks do, and how the IMU's rates fit; nothing if the sets cannot be used.
+  void process(const AllParameters& parameters, DoctorFacts* facts) const;
 
  private:
+  std::size_t kept_;
   std::deque<StereoMessages> sets_;
-  double last_measured_s_ = 0.0;
-  std::size_t num_measured_ = 0;
+  std::vector<StereoMessages> to_measure_;
+  double last_s_ = 0.0;  // of to_measure_
 };
 
 }  // namespace point_line_odometry

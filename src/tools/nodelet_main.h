@@ -12,7 +12,8 @@
 
 namespace point_line_odometry {
 
-/// main() of a nodelet as a node of its own. Returns 2 if it does not start; it has then said why.
+/// main() of a nodelet as a node of its own. Returns 2 if it does not start; it has then logged
+/// why.
 template <typename NodeletType>
 int runNodelet(int argc, char** argv, const std::string& name, const std::string& type) {
   ros::init(argc, argv, name);

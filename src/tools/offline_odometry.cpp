@@ -1,7 +1,7 @@
 /// \file
-/// Runs the odometry over a bag, a data set folder, the synthetic world or what the flight recorder
-/// wrote, as fast as it can and without a ROS master, and writes the trajectory, a table of all
-/// frames and a summary.
+/// Runs the odometry on a bag, a data set folder, the synthetic world or a recording of the flight
+/// recorder, as fast as possible and without a ROS master, and writes the trajectory, a table of
+/// all frames and a summary.
 
 #include <algorithm>
 #include <chrono>
@@ -12,24 +12,32 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
-#include "point_line_odometry/feature_overlay.h"
-#include "point_line_odometry/stereo_odometry.h"
+#include "common/input_error.h"
+#include "point_line_odometry/parameters.h"
 #include "ros/node_parameters.h"
 #include "tools/bag_source.h"
 #include "tools/command_line.h"
+#include "tools/interruption.h"
+#include "tools/offline_run.h"
 #include "tools/output_folder.h"
 #include "tools/parameter_text.h"
 #include "tools/progress_bar.h"
-#include "tools/recording_source.h"
+#include "tools/recorded_run.h"
+#include "tools/recording_replay.h"
+#include "tools/report_script.h"
 #include "tools/run_report.h"
 #include "tools/source_filters.h"
 #include "tools/stereo_source.h"
 #include "tools/synthetic_source.h"
+#include "tools/thumbnails.h"
 
 namespace point_line_odometry {
 namespace {
 
 namespace po = boost::program_options;
+
+/// What the tool returns when the results are complete but the report could not be made.
+constexpr int kExitNoReport = 1;
 
 struct Options {
   std::string input;
@@ -39,24 +47,25 @@ struct Options {
   std::string left_topic;
   std::string right_topic;
   double max_interval_s = 0.0;
+  MaskRequest masks;
+  std::string wheel_topic;
   long max_frames = 0;  // 0: all
   long every = 1;
   double scale = 1.0;
-  long features_every = 0;  // 0: no picture
+  double target_ms = 0.0;  // 0: none
+  std::string priors;
+  long features_every = 0;  // 0: no images
+  bool report = false;
   bool quiet = false;
 };
 
 using Clock = std::chrono::steady_clock;
 
-double elapsed_ms(Clock::time_point since) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
-}
-
-/// Nothing if the input is no recording.
+/// Nothing if the input is not a recording.
 std::optional<RecordingReplay> openRecording(const Options& options) {
   if (!isRecordingName(options.input) || !std::filesystem::is_regular_file(options.input))
     return std::nullopt;
-  return RecordingReplay(RecordingReader::read(options.input));
+  return RecordingReplay(readRecording(options.input));
 }
 
 std::unique_ptr<StereoSource> openInput(const Options& options, const RecordedRun* recorded) {
@@ -66,130 +75,53 @@ std::unique_ptr<StereoSource> openInput(const Options& options, const RecordedRu
                      "' does not exist: name a bag, a folder, a recording or synthetic:SCENE");
   }
   if (recorded != nullptr) {
-    return std::make_unique<BagSource>(
-        BagSource::Options{recorded->bag, recorded->topics, recorded->max_interval_ns});
+    return openBag(
+        {recorded->bag, recorded->topics, recorded->max_interval_ns, recorded->has_masks});
   }
   if (!std::filesystem::is_directory(options.input)) {
     const auto interval_ns = static_cast<std::int64_t>(options.max_interval_s * 1e9);
-    return std::make_unique<BagSource>(
-        BagSource::Options{options.input, {options.left_topic, options.right_topic}, interval_ns});
+    return openBag({options.input,
+                    {options.left_topic, options.right_topic},
+                    interval_ns,
+                    options.masks.of_source,
+                    options.wheel_topic});
   }
-  return std::make_unique<FolderSource>(StereoDataset::open(options.input));
+  return openFolder(options.input);
 }
 
-/// The frames of the input that are asked for, in the size that is asked for.
+/// The input with the requested masks, frames and image size.
 std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
-  std::unique_ptr<StereoSource> source = openInput(options, recorded);
+  MaskRequest masks = options.masks;
+  if (recorded != nullptr) masks.of_source = true;
+  std::unique_ptr<StereoSource> source = masked(openInput(options, recorded), masks);
   if (options.every > 1) {
-    source = std::make_unique<EveryNthSource>(std::move(source),
-                                              static_cast<std::size_t>(options.every));
+    source = everyNth(std::move(source), static_cast<std::size_t>(options.every));
   }
   if (options.scale != 1.0) {
-    source = std::make_unique<ScaledSource>(std::move(source), options.scale);
+    source = scaled(std::move(source), options.scale);
   }
   return source;
 }
 
-/// \param parameters what holds where the options name nothing else.
-Parameters readParameters(const Options& options, Parameters parameters) {
+/// \param parameters defaults, overridden by the options.
+/// \param warnings about these; printed with those of the options.
+Parameters readParameters(const Options& options, Parameters parameters,
+                          std::vector<std::string> warnings) {
   if (!options.config.empty()) {
     if (!std::filesystem::is_regular_file(options.config)) {
       throw InputError("parameter file '" + options.config + "' does not exist: check the path");
     }
-    parameters = loadParameters(options.config, nodeParameterNames());
+    parameters = loadParameters(options.config, nodeParameterNames(), &warnings);
   }
-  return applySettings(parameters, options.settings);
+  parameters = applySettings(parameters, options.settings, &warnings);
+  printWarnings("offline_odometry", warnings);
+  return parameters;
 }
 
-/// The chain from a source to the rows of its frames.
-class OfflineRun {
- public:
-  /// \param replay of the recording that the source is of, or null.
-  OfflineRun(StereoSource& source, const Parameters& parameters, RecordingReplay* replay)
-      : source_(source),
-        odometry_(rectifiedCamera(source.calibration()), parameters),
-        replay_(replay) {
-    if (source.needsRectification()) {
-      rectifier_ = std::make_unique<StereoRectifier>(source.calibration());
-    }
-  }
-
-  /// Takes the next frame; false at the end of the source.
-  bool step() {
-    const Clock::time_point begin = Clock::now();
-    std::optional<StereoImages> images = source_.next();
-    if (!images) return false;
-    const double decode_ms = elapsed_ms(begin);
-    const Clock::time_point decoded = Clock::now();
-    if (rectifier_) images = rectifier_->rectify(*images);
-    const double rectify_ms = rectifier_ ? elapsed_ms(decoded) : 0.0;
-    left_ = images->left;
-    if (replay_ != nullptr) replay_->prepare(images->stamp_ns, &odometry_);
-    result_ = odometry_.process(*images);
-    if (replay_ != nullptr) replay_->compare(result_);
-    rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},
-                     result_.state,
-                     result_.reason,
-                     result_.counts,
-                     result_.rms_px,
-                     result_.times,
-                     decode_ms,
-                     rectify_ms,
-                     uncertaintyOfInputCamera(result_)});
-    point_residuals_.add(result_.point_residuals);
-    line_residuals_.add(result_.line_residuals);
-    return true;
-  }
-
-  StereoOdometry* odometry() { return &odometry_; }
-  const std::vector<FrameRow>& rows() const { return rows_; }
-  const ResidualHistogram& pointResiduals() const { return point_residuals_; }
-  const ResidualHistogram& lineResiduals() const { return line_residuals_; }
-
-  /// Picture of the last frame.
-  cv::Mat draw() const { return drawFeatures(left_, result_); }
-
- private:
-  /// Pose of the camera that took the image: rectification turned it, which is undone on both sides
-  /// so that the first pose is still the identity. A recording goes on from where it was in odom.
-  Eigen::Isometry3d poseOfInputCamera(const Eigen::Isometry3d& T_odom_rectified) const {
-    if (!rectifier_) return T_odom_rectified;
-    Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
-    T_rectified_raw.linear() = rectifier_->R_rectified_raw();
-    if (replay_ != nullptr) return T_odom_rectified * T_rectified_raw;
-    return T_rectified_raw.inverse() * T_odom_rectified * T_rectified_raw;
-  }
-
-  /// Twist and covariances in the axes of the camera that took the image; for a recording, the pose
-  /// has those of odom.
-  FrameUncertainty uncertaintyOfInputCamera(const FrameResult& result) const {
-    FrameUncertainty u{result.pose_covariance, result.twist, result.twist_covariance,
-                       result.twist_over_s};
-    if (!rectifier_) return u;
-    Matrix6d turn = Matrix6d::Zero();
-    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() =
-        rectifier_->R_rectified_raw().transpose();
-    u.twist = turn * u.twist;
-    u.twist_covariance = turn * u.twist_covariance * turn.transpose();
-    if (replay_ == nullptr) u.pose_covariance = turn * u.pose_covariance * turn.transpose();
-    return u;
-  }
-
-  StereoSource& source_;
-  StereoOdometry odometry_;
-  RecordingReplay* replay_;
-  std::unique_ptr<StereoRectifier> rectifier_;
-  cv::Mat left_;
-  FrameResult result_;
-  std::vector<FrameRow> rows_;
-  ResidualHistogram point_residuals_;
-  ResidualHistogram line_residuals_;
-};
-
-void writePicture(const std::filesystem::path& folder, std::size_t index, const cv::Mat& picture) {
+void writeImage(const std::filesystem::path& folder, std::size_t index, const cv::Mat& image) {
   std::ostringstream name;
   name << std::setw(6) << std::setfill('0') << index << ".png";
-  if (!cv::imwrite((folder / name.str()).string(), picture)) {
+  if (!cv::imwrite((folder / name.str()).string(), image)) {
     throw InputError("'" + (folder / name.str()).string() +
                      "' cannot be written: make room on disk");
   }
@@ -201,17 +133,18 @@ std::string formatTum(const std::vector<StampedPose>& trajectory) {
   return text.str();
 }
 
-/// The true poses of the time of a run, with those on either side of it.
-std::vector<StampedPose> truthOf(const std::vector<FrameRow>& rows,
-                                 const std::vector<StampedPose>& truth) {
+/// The true poses for the time of a run, with the nearest ones before and after it.
+std::vector<StampedPose> groundTruthOf(const std::vector<FrameRow>& rows,
+                                       const std::vector<StampedPose>& ground_truth) {
   if (rows.empty()) return {};
   const auto earlier = [](const StampedPose& a, const StampedPose& b) {
     return a.stamp_ns < b.stamp_ns;
   };
-  auto begin = std::upper_bound(truth.begin(), truth.end(), rows.front().pose, earlier);
-  if (begin != truth.begin()) --begin;
-  auto end = std::lower_bound(begin, truth.end(), rows.back().pose, earlier);
-  if (end != truth.end()) ++end;
+  auto begin =
+      std::upper_bound(ground_truth.begin(), ground_truth.end(), rows.front().pose, earlier);
+  if (begin != ground_truth.begin()) --begin;
+  auto end = std::lower_bound(begin, ground_truth.end(), rows.back().pose, earlier);
+  if (end != ground_truth.end()) ++end;
   return {begin, end};
 }
 
@@ -227,13 +160,21 @@ void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputF
   output->write("summary.json", formatSummaryJson(rows, info));
 }
 
-/// The run for a source. Throws InputError if the calibration of the source cannot be used.
+/// Creates the run for a source. Throws InputError if the calibration of the source cannot be used.
 OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay* replay) {
   const Parameters given =
-      readParameters(options, replay != nullptr ? replay->run().parameters : Parameters());
+      replay != nullptr ? readParameters(options, replay->run().parameters, replay->run().warnings)
+                        : readParameters(options, Parameters(), {});
   const Parameters& first = replay != nullptr ? replay->run().parameters : given;
   try {
     OfflineRun run(source, first, replay);
+    if (replay != nullptr && options.target_ms > 0.0)
+      throw InputError(
+          "option --target-frame-time cannot be used for a recording: it is replayed exactly");
+    run.setTargetFrameTime(options.target_ms);
+    if (replay != nullptr && !options.priors.empty())
+      throw InputError("option --priors cannot be used for a recording: it has its own");
+    if (!options.priors.empty()) run.setPriors(readPriors(options.priors));
     const bool others = !options.config.empty() || !options.settings.empty();
     if (replay != nullptr)
       replay->begin(others ? std::make_optional(given) : std::nullopt, run.odometry());
@@ -243,20 +184,24 @@ OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay
   }
 }
 
-/// Takes the frames of a run, as many as are asked for, and writes the pictures that are asked for.
+/// Processes the requested frames of a run and writes the requested images.
 void process(const Options& options, const StereoSource& source, OutputFolder* output,
              OfflineRun* run) {
   const auto limit = static_cast<std::size_t>(options.max_frames);
   const auto every = static_cast<std::size_t>(options.features_every);
-  std::filesystem::path pictures;
-  if (every > 0) pictures = output->makeFolder("features");
+  std::filesystem::path images_folder;
+  if (every > 0) images_folder = output->makeFolder("features");
+  Thumbnails thumbnails;
   ProgressBar progress("odometry", expectedSize(source, limit), options.quiet);
   while ((limit == 0 || run->rows().size() < limit) && run->step()) {
     throwIfInterrupted();
     const std::size_t index = run->rows().size() - 1;
-    if (every > 0 && index % every == 0) writePicture(pictures, index, run->draw());
+    if (every > 0 && index % every == 0) writeImage(images_folder, index, run->draw());
+    if (options.report)
+      thumbnails.offer(index, run->rows().back().state, [run] { return run->draw(); });
     progress.step();
   }
+  if (options.report) thumbnails.write(output->makeFolder("thumbnails").string());
 }
 
 int runOdometry(const Options& options) {
@@ -264,7 +209,7 @@ int runOdometry(const Options& options) {
   const std::unique_ptr<StereoSource> source =
       openSource(options, replay ? &replay->run() : nullptr);
   OfflineRun run = makeRun(*source, options, replay ? &*replay : nullptr);
-  const std::vector<StampedPose> truth = source->groundTruth();
+  const std::vector<StampedPose> ground_truth = source->groundTruth();
   OutputFolder output(options.output);
   for (const char* name :
        {"trajectory.tum", "trajectory.kitti", "frames.csv", "uncertainty.csv", "summary.json"}) {
@@ -277,25 +222,33 @@ int runOdometry(const Options& options) {
   info.line_detector = toString(run.odometry()->lineDetector());
   const PointParameters& points = run.odometry()->parameters().points;
   info.point_descriptor = points.enabled ? points.descriptor : "none";
-  info.unpaired_images = source->unpaired();
-  info.wall_s = elapsed_ms(begin) / 1000.0;
+  info.unsynchronized_images = source->unsynchronized();
+  info.wall_s = std::chrono::duration<double>(Clock::now() - begin).count();
   info.point_residuals = run.pointResiduals();
   info.line_residuals = run.lineResiduals();
   info.parameters = run.odometry()->parameters();
+  info.gyroscope = run.gyroscope();
+  info.gravity = run.gravity();
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
-  if (truth.empty()) {
+  if (ground_truth.empty()) {
     output.discard("groundtruth.tum");
   } else {
     output.reserve("groundtruth.tum");
-    output.write("groundtruth.tum", formatTum(truthOf(run.rows(), truth)));
+    output.write("groundtruth.tum", formatTum(groundTruthOf(run.rows(), ground_truth)));
   }
   output.commit();
   if (!options.quiet) std::cout << formatTable(run.rows(), info);
-  return 0;
+  if (!options.report) return 0;
+  std::cout.flush();
+  const std::string problem = makeReport(options.output);
+  if (problem.empty()) return 0;
+  std::cerr << "offline_odometry: the results are complete, but have no report.html: " << problem
+            << '\n';
+  return kExitNoReport;
 }
 
-/// The tables in README: what the node reads when it starts, and what may change while it runs.
+/// The tables of doc/parameters.md: parameters of the core and of the node.
 std::string formatAllParameters() {
   ParameterRows node;
   const NodeParameters defaults;
@@ -305,31 +258,94 @@ std::string formatAllParameters() {
          formatMarkdownTable(node.rows);
 }
 
-int runCommandLine(int argc, char** argv) {
-  Options options;
-  po::options_description visible("Options");
+po::options_description describeInput(Options* options) {
+  po::options_description description("Input");
   // clang-format off
-  visible.add_options()
-      ("output,o", po::value(&options.output)->value_name("DIR"), "folder for the results")
-      ("config", po::value(&options.config)->value_name("FILE"), "parameters, YAML")
-      ("set", po::value(&options.settings)->value_name("NAME=VALUE")->composing(),
-       "one parameter; may be given several times, stronger than --config")
-      ("left-topic", po::value(&options.left_topic)->value_name("TOPIC"),
+  description.add_options()
+      ("left-topic", po::value(&options->left_topic)->value_name("TOPIC"),
        "left images of a bag; default: those in /stereo, or the only pair there is")
-      ("right-topic", po::value(&options.right_topic)->value_name("TOPIC"),
+      ("right-topic", po::value(&options->right_topic)->value_name("TOPIC"),
        "right images of a bag; default: by the name of the left ones")
-      ("approximate-sync", po::value(&options.max_interval_s)->value_name("SECONDS"),
+      ("approximate-sync", po::value(&options->max_interval_s)->value_name("SECONDS"),
        "pair images of a bag whose stamps differ by up to this; default: equal stamps")
-      ("every", po::value(&options.every)->value_name("N"), "take every Nth frame")
-      ("scale", po::value(&options.scale)->value_name("FACTOR"),
-       "take the images FACTOR times as large, 0.1 to 10")
-      ("max-frames", po::value(&options.max_frames)->value_name("N"), "stop after N frames")
-      ("features-images", po::value(&options.features_every)->value_name("N"),
-       "write a picture of the features of every Nth frame to DIR/features")
-      ("quiet", po::bool_switch(&options.quiet), "no progress bar and no table")
+      ("left-mask", po::value(&options->masks.files[0])->value_name("FILE"),
+       "image of the left camera's size, 0 where its pixels are to be ignored")
+      ("right-mask", po::value(&options->masks.files[1])->value_name("FILE"),
+       "the same for the right camera")
+      ("mask-images", po::bool_switch(&options->masks.of_source),
+       "use the masks that come with the images: on the topics left/mask_image and\n"
+       "right/mask_image of a bag, beside the images', or of the synthetic world's bonnet")
+      ("wheel-topic",
+       po::value(&options->wheel_topic)->value_name("TOPIC")->default_value("/wheel_odom"),
+       "nav_msgs/Odometry of a bag by wheels, for wheels/enabled")
+      ("every", po::value(&options->every)->value_name("N"), "take every Nth frame")
+      ("scale", po::value(&options->scale)->value_name("FACTOR"),
+       "scale the images by FACTOR, 0.1 to 10")
+      ("priors", po::value(&options->priors)->value_name("FILE"),
+       "motion priors of frames, a row each: 'from_s to_s tx ty tz qx qy qz qw stx sty stz srx sry\n"
+       "srz', the motion of the left camera between two stamps [m] and its standard deviations\n"
+       "[m, rad] along and about the axes of the first, 0: unknown")
+      ("max-frames", po::value(&options->max_frames)->value_name("N"), "stop after N frames");
+  // clang-format on
+  return description;
+}
+
+po::options_description describeOdometry(Options* options) {
+  po::options_description description("Odometry");
+  // clang-format off
+  description.add_options()
+      ("config", po::value(&options->config)->value_name("FILE"), "parameters, YAML")
+      ("set", po::value(&options->settings)->value_name("NAME=VALUE")->composing(),
+       "one parameter; may be given several times, overrides --config")
+      ("target-frame-time", po::value(&options->target_ms)->value_name("MS"),
+       "use fewer features while a frame takes longer, as the node with target_frame_time_ms;\n"
+       "the result then depends on the computer");
+  // clang-format on
+  return description;
+}
+
+po::options_description describeOutput(Options* options) {
+  po::options_description description("Output");
+  // clang-format off
+  description.add_options()
+      ("output,o", po::value(&options->output)->value_name("DIR"), "folder for the results")
+      ("features-images", po::value(&options->features_every)->value_name("N"),
+       "write an image of the features of every Nth frame to DIR/features")
+      ("report", po::bool_switch(&options->report),
+       "write DIR/report.html, a page with all about the run: see report_run --help; needs python3\n"
+       "with matplotlib")
+      ("quiet", po::bool_switch(&options->quiet), "no progress bar and no table")
       ("print-parameters", "print the tables of parameters (Markdown) and end")
+      ("version", "print the version and the formats that are read, and end")
       ("help,h", "print this help and end");
   // clang-format on
+  return description;
+}
+
+/// Throws InputError if something is missing or out of its range.
+void checkOptions(const Options& options, const po::variables_map& values) {
+  if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");
+  if (options.output.empty()) throw InputError("no output folder is given: add -o DIR");
+  requirePositive("--max-frames", options.max_frames, values);
+  requirePositive("--every", options.every, values);
+  if (!(options.scale >= 0.1 && options.scale <= 10.0)) {
+    throw InputError("option --scale must be a number from 0.1 to 10");
+  }
+  if (!(options.target_ms >= 0.0 && options.target_ms <= 10000.0)) {
+    throw InputError("option --target-frame-time must be a number of milliseconds from 0 to 10000");
+  }
+  requirePositive("--features-images", options.features_every, values);
+  if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 10.0) {
+    throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
+  }
+}
+
+int runCommandLine(int argc, char** argv) {
+  Options options;
+  po::options_description visible;
+  visible.add(describeInput(&options))
+      .add(describeOdometry(&options))
+      .add(describeOutput(&options));
   po::options_description all(visible);
   all.add_options()("input", po::value(&options.input));
   const po::variables_map values = parseArguments(argc, argv, all, {"input"});
@@ -352,17 +368,7 @@ int runCommandLine(int argc, char** argv) {
     std::cout << formatAllParameters();
     return 0;
   }
-  if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");
-  if (options.output.empty()) throw InputError("no output folder is given: add -o DIR");
-  requirePositive("--max-frames", options.max_frames, values);
-  requirePositive("--every", options.every, values);
-  if (!(options.scale >= 0.1 && options.scale <= 10.0)) {
-    throw InputError("option --scale must be a number from 0.1 to 10");
-  }
-  requirePositive("--features-images", options.features_every, values);
-  if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 10.0) {
-    throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
-  }
+  checkOptions(options, values);
   return runOdometry(options);
 }
 
@@ -370,6 +376,6 @@ int runCommandLine(int argc, char** argv) {
 }  // namespace point_line_odometry
 
 int main(int argc, char** argv) {
-  return point_line_odometry::runTool(
-      "offline_odometry", [&] { return point_line_odometry::runCommandLine(argc, argv); });
+  return point_line_odometry::runTool("offline_odometry", argc, argv,
+                                      point_line_odometry::runCommandLine);
 }

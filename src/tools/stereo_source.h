@@ -1,17 +1,21 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "point_line_odometry/dataset.h"
-#include "tools/interruption.h"
-#include "tools/progress_bar.h"
+#include "dataset/imu_data.h"
+#include "dataset/trajectory.h"
+#include "dataset/wheel_data.h"
+#include "point_line_odometry/rectification.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
-/// Stereo pairs in the order of time, from a folder, a bag or the synthetic world.
+/// Stereo pairs in order of time, from a folder, a bag or the synthetic world.
 class StereoSource {
  public:
   virtual ~StereoSource() = default;
@@ -21,57 +25,39 @@ class StereoSource {
   virtual const StereoCalibration& calibration() const = 0;
   virtual bool needsRectification() const = 0;
 
-  /// The next pair as stored, nothing at the end. Throws InputError for what cannot be read.
+  /// The next pair as stored, with its masks if it has some; nothing at the end. Throws InputError
+  /// if it cannot be read.
   virtual std::optional<StereoImages> next() = 0;
 
-  /// Passes over the next pair; false at the end.
+  /// Skips the next pair; false at the end.
   virtual bool skip() { return next().has_value(); }
 
-  /// Images passed over as they had no partner.
-  virtual std::size_t unpaired() const { return 0; }
+  /// Images skipped as they had no partner.
+  virtual std::size_t unsynchronized() const { return 0; }
 
   /// True poses of the left camera (the raw one for raw images), empty if they are not known.
   virtual std::vector<StampedPose> groundTruth() const { return {}; }
+
+  /// All samples of the IMU on the camera, nothing if there is none.
+  virtual std::optional<ImuData> imu() { return std::nullopt; }
+
+  /// The whole odometry of the wheels, nothing if there is none.
+  virtual std::optional<WheelData> wheels() { return std::nullopt; }
+
+  /// Pose of the left camera in base_link, which lies in it with x ahead and z up unless the source
+  /// knows better.
+  virtual Eigen::Isometry3d T_base_camera();
 };
 
-/// Pairs of a KITTI or EuRoC folder.
-class FolderSource : public StereoSource {
- public:
-  explicit FolderSource(StereoDataset dataset) : dataset_(std::move(dataset)) {}
+/// Pairs of a KITTI or EuRoC folder. Throws InputError if it is not one, or damaged.
+std::unique_ptr<StereoSource> openFolder(const std::string& folder);
 
-  std::size_t size() const override { return dataset_.size(); }
-  const StereoCalibration& calibration() const override { return dataset_.calibration(); }
-  bool needsRectification() const override { return dataset_.needsRectification(); }
-  std::vector<StampedPose> groundTruth() const override { return dataset_.groundTruth(); }
+/// Number of pairs to be expected with at most `limit` pairs (0: all).
+std::size_t expectedSize(const StereoSource& source, std::size_t limit);
 
-  std::optional<StereoImages> next() override {
-    if (next_ >= dataset_.size()) return std::nullopt;
-    return dataset_.load(next_++);
-  }
-
-  bool skip() override { return next_ < dataset_.size() && ++next_ > 0; }
-
- private:
-  StereoDataset dataset_;
-  std::size_t next_ = 0;
-};
-
-/// Number of pairs to be expected if at most `limit` are wanted (0: all).
-inline std::size_t expectedSize(const StereoSource& source, std::size_t limit) {
-  return limit > 0 && limit < source.size() ? limit : source.size();
-}
-
-/// Hands `limit` pairs (0: all) of a source to `take`, one after the other. Throws Interrupted as
-/// soon as that is asked for.
-template <typename Take>
-void forEachPair(StereoSource& source, std::size_t limit, ProgressBar* progress, const Take& take) {
-  for (std::size_t done = 0; limit == 0 || done < limit; ++done) {
-    throwIfInterrupted();
-    const std::optional<StereoImages> images = source.next();
-    if (!images) return;
-    take(*images);
-    progress->step();
-  }
-}
+/// Calls `take` with `limit` pairs (0: all) of a source in turn, with a progress bar unless
+/// `quiet`. Throws Interrupted after a signal.
+void forEachPair(StereoSource& source, std::size_t limit, bool quiet,
+                 const std::function<void(const StereoImages&)>& take);
 
 }  // namespace point_line_odometry

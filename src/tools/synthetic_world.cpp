@@ -3,12 +3,15 @@
 
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "point_line_odometry/dataset_writer.h"
+#include "common/input_error.h"
+#include "dataset/dataset_writer.h"
 #include "tools/command_line.h"
 #include "tools/output_folder.h"
+#include "tools/parameter_text.h"
 #include "tools/stereo_bag.h"
 #include "tools/synthetic_source.h"
 
@@ -19,7 +22,7 @@ namespace po = boost::program_options;
 
 constexpr const char* kBagEnding = ".bag";
 
-/// The file by which a folder is known to be written by this program, and what it was made with.
+/// The marker file of a folder written by this program, with the options used.
 constexpr const char* kMarker = "synthetic_world.yaml";
 
 bool endsWith(const std::string& text, const std::string& ending) {
@@ -27,19 +30,19 @@ bool endsWith(const std::string& text, const std::string& ending) {
          text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
 }
 
-/// kitti, euroc or bag. Throws InputError if the format cannot hold the images.
-std::string chooseFormat(const std::string& asked, const std::string& output, bool raw) {
+/// kitti, euroc or bag. Throws InputError if the format cannot store the images.
+std::string chooseFormat(const std::string& requested, const std::string& output, bool raw) {
   const std::string of_scene = raw ? "euroc" : "kitti";
-  if (asked.empty()) return endsWith(output, kBagEnding) ? "bag" : of_scene;
-  if (asked != "kitti" && asked != "euroc" && asked != "bag") {
-    throw InputError("format '" + asked + "' is unknown: choose kitti, euroc or bag");
+  if (requested.empty()) return endsWith(output, kBagEnding) ? "bag" : of_scene;
+  if (requested != "kitti" && requested != "euroc" && requested != "bag") {
+    throw InputError("format '" + requested + "' is unknown: choose kitti, euroc or bag");
   }
-  if (asked != "bag" && asked != of_scene) {
-    throw InputError("format '" + asked + "' is for " + (raw ? "rectified" : "raw") +
+  if (requested != "bag" && requested != of_scene) {
+    throw InputError("format '" + requested + "' is for " + (raw ? "rectified" : "raw") +
                      " images, but those of this scene are " + (raw ? "raw" : "rectified") +
                      ": choose " + of_scene + " or bag");
   }
-  return asked;
+  return requested;
 }
 
 std::vector<ParameterRow> listOptions() {
@@ -49,7 +52,7 @@ std::vector<ParameterRow> listOptions() {
   return table.rows;
 }
 
-/// What a folder was made with, as parameters of the node synthetic_stereo.
+/// The options of a folder, as parameters of the node synthetic_stereo.
 std::string describe(const SyntheticRequest& request, std::size_t num_frames) {
   ParameterRows table;
   visitWorldOptions(request.world, table);
@@ -62,25 +65,23 @@ void writeFolder(SyntheticSource& source, const std::string& output, const std::
                  bool quiet) {
   const DatasetLayout layout =
       source.needsRectification() ? DatasetLayout::kEuroc : DatasetLayout::kKitti;
-  const std::vector<StampedPose> truth = source.groundTruth();
+  const std::vector<StampedPose> ground_truth = source.groundTruth();
   NewFolder folder(output, kMarker, mark);
   DatasetWriter writer(folder.path(), layout, source.calibration(), source.frameRate_hz());
-  {
-    std::size_t frame = 0;
-    ProgressBar progress("stereo pairs", source.size(), quiet);
-    forEachPair(source, 0, &progress, [&](const StereoImages& images) {
-      writer.add(images, truth[frame++].T_world_camera);
-    });
-  }
+  std::size_t frame = 0;
+  forEachPair(source, 0, quiet, [&](const StereoImages& images) {
+    writer.add(images, ground_truth[frame++].T_world_camera);
+  });
+  if (const std::optional<ImuData> imu = source.imu()) writer.writeImu(*imu);
   writer.finish();
   folder.commit();
   if (!quiet) {
-    std::cout << truth.size() << " stereo pairs in " << output << ", "
+    std::cout << ground_truth.size() << " stereo pairs in " << output << ", "
               << (layout == DatasetLayout::kEuroc ? "EuRoC's layout\n" : "KITTI's layout\n");
   }
 }
 
-/// The world's options, as the table has them.
+/// The world's options, generated from their table.
 po::options_description describeWorldOptions() {
   po::options_description world("The world");
   for (const ParameterRow& row : listOptions()) {
@@ -119,6 +120,7 @@ int runCommandLine(int argc, char** argv) {
        "of a bag: none, lz4 or bz2")
       ("quiet", po::bool_switch(&bag.quiet), "no progress bar and no text")
       ("print-parameters", "print the table of the world's options (Markdown) and end")
+      ("version", "print the version and the formats that are read, and end")
       ("help,h", "print this help and end");
   // clang-format on
   visible.add(output);
@@ -155,6 +157,6 @@ int runCommandLine(int argc, char** argv) {
 }  // namespace point_line_odometry
 
 int main(int argc, char** argv) {
-  return point_line_odometry::runTool(
-      "synthetic_world", [&] { return point_line_odometry::runCommandLine(argc, argv); });
+  return point_line_odometry::runTool("synthetic_world", argc, argv,
+                                      point_line_odometry::runCommandLine);
 }

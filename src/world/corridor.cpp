@@ -1,3 +1,5 @@
+#include "world/corridor.h"
+
 #include "world/interior.h"
 
 namespace point_line_odometry::world {
@@ -8,7 +10,7 @@ using Eigen::Vector3d;
 
 constexpr double kWidth_m = 2.2;
 
-/// A corridor round a rectangle of rooms that nobody enters.
+/// A corridor around a rectangle of closed rooms.
 class Ring {
  public:
   Ring(std::uint32_t seed, Scene* scene) : random_(seed), builder_(&random_, scene) {
@@ -36,7 +38,7 @@ class Ring {
  private:
   Material plain(double albedo) { return makeMaterial(Pattern::kPlain, albedo, 0.03, &random_); }
 
-  /// Walls round a rectangle, seen from inside if the corners are counter-clockwise.
+  /// Walls around a rectangle, seen from inside if the corners are counter-clockwise.
   static std::vector<WallSide> wallsAlong(const std::vector<Vector2d>& corners) {
     std::vector<WallSide> sides;
     for (std::size_t i = 0; i < corners.size(); ++i) {

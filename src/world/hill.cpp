@@ -14,8 +14,8 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kStrip_m = 1.5;  // length of the flat pieces that the ground is made of
-constexpr int kStripsOfDash = 2;  // of the strips of a period of the dashes
+constexpr double kStrip_m = 1.5;  // length of the flat strips of the ground
+constexpr int kStripsOfDash = 2;  // strips of a dash, within its period
 constexpr int kStripsOfPeriod = 5;
 constexpr int kStripsOfObject = 10;
 constexpr double kVerge_m = 42.0;  // half the width of the level top

@@ -1,3 +1,5 @@
+#include "world/indoor.h"
+
 #include "world/interior.h"
 
 namespace point_line_odometry::world {
@@ -9,7 +11,7 @@ using Eigen::Vector3d;
 constexpr int kRooms = 4;
 constexpr double kHallway_m = 2.6;
 constexpr double kDepth_m = 5.6;                           // of a room
-constexpr double kBack_m = kHallway_m + kWallThickness_m;  // where rooms begin
+constexpr double kBack_m = kHallway_m + kWallThickness_m;  // y at which rooms begin
 constexpr double kDoorsBetween_m = kBack_m + 0.5 * kDepth_m;
 
 /// Rooms in a row along a hallway.
@@ -30,7 +32,7 @@ class Apartment {
     addSills();
   }
 
-  /// Up the hallway and back through the rooms.
+  /// The trajectory: up the hallway and back through the rooms.
   std::vector<Vector3d> flight() const {
     constexpr double kHeight = 1.4;
     return {{firstDoor(), 0.5 * kHallway_m, kHeight},
@@ -153,18 +155,18 @@ class Apartment {
     const Eigen::Isometry3d T = uprightPose({middle.x(), middle.y(), 0.0}, yaw);
     const Vector2d size{random_.uniform(1.1, 1.7), random_.uniform(0.6, 0.9)};
     const Material wood = makeMaterial(Pattern::kRough, random_.uniform(0.3, 0.6), 0.2, &random_);
-    constexpr double kLegs = 0.72;
+    constexpr double kNumMatchings = 0.72;
     for (const double x : {-0.45, 0.45}) {
       for (const double y : {-0.45, 0.45}) {
         const Vector3d foot(x * size.x(), y * size.y(), 0.0);
-        builder_.addBox({T * uprightPose(foot, 0.0), {0.05, 0.05, kLegs}}, wood, wood);
+        builder_.addBox({T * uprightPose(foot, 0.0), {0.05, 0.05, kNumMatchings}}, wood, wood);
       }
     }
-    builder_.addBox({T * uprightPose({0.0, 0.0, kLegs}, 0.0), {size.x(), size.y(), 0.04}}, wood,
-                    wood);
+    builder_.addBox({T * uprightPose({0.0, 0.0, kNumMatchings}, 0.0), {size.x(), size.y(), 0.04}},
+                    wood, wood);
     for (int i = 0; i < 3; ++i) {
       const Vector3d spot{random_.uniform(-0.4, 0.4) * size.x(),
-                          random_.uniform(-0.3, 0.3) * size.y(), kLegs + 0.04};
+                          random_.uniform(-0.3, 0.3) * size.y(), kNumMatchings + 0.04};
       const Vector3d box{random_.uniform(0.15, 0.4), random_.uniform(0.1, 0.25),
                          random_.uniform(0.1, 0.35)};
       const Material label = makeMaterial(Pattern::kPicture, 0.5, 0.7, {0.4, 0.3}, &random_);
@@ -178,8 +180,8 @@ class Apartment {
     for (int i = random_.integer(1, 3); i > 0; --i) {
       const double size = random_.uniform(0.35, 0.6);
       const Material crate = makeMaterial(Pattern::kPicture, 0.4, 0.5, {size, size}, &random_);
-      const Vector3d place(middle.x(), middle.y(), foot);
-      builder_.addBox({uprightPose(place, random_.uniform(0.0, kPi)), Vector3d::Constant(size)},
+      const Vector3d position(middle.x(), middle.y(), foot);
+      builder_.addBox({uprightPose(position, random_.uniform(0.0, kPi)), Vector3d::Constant(size)},
                       crate, crate);
       foot += size;
     }

@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 constexpr double kDoorHeight_m = 2.1;
 constexpr double kFrame_m = 0.09;
 
-/// Of a wall.
+/// Materials of a wall.
 struct Finish {
   Material wall;
   Material trim;
@@ -96,8 +96,8 @@ void InteriorBuilder::addWall(const WallSide& side, const Interior& interior) {
 void InteriorBuilder::addAtWall(const WallSide& side, const Vector2d& foot, const Vector3d& size,
                                 const Material& front, const Material& top) {
   ObjectBuilder builder;
-  const Vector3d place_in_side(foot.x(), 0.5 * size.y(), foot.y());
-  builder.addBox({side.pose() * uprightPose(place_in_side, 0.0), size}, front, top);
+  const Vector3d position_in_side(foot.x(), 0.5 * size.y(), foot.y());
+  builder.addBox({side.pose() * uprightPose(position_in_side, 0.0), size}, front, top);
   scene_.place(builder.take());
 }
 
@@ -120,8 +120,8 @@ void InteriorBuilder::addBeam(const Vector2d& from, const Vector2d& to, double w
   constexpr double kDepth_m = 0.22;
   const Vector2d middle = 0.5 * (from + to);
   const Vector2d along = to - from;
-  const Vector3d place(middle.x(), middle.y(), kCeiling_m - kDepth_m);
-  addBox({uprightPose(place, std::atan2(along.y(), along.x())), {along.norm(), width, kDepth_m}},
+  const Vector3d position(middle.x(), middle.y(), kCeiling_m - kDepth_m);
+  addBox({uprightPose(position, std::atan2(along.y(), along.x())), {along.norm(), width, kDepth_m}},
          material, material);
 }
 

@@ -24,7 +24,7 @@ struct WallSide {
   Eigen::Isometry3d pose() const;
 };
 
-/// How the inside of a building looks.
+/// Materials of the inside of a building.
 struct Interior {
   Material wall;
   Material floor;
@@ -33,7 +33,7 @@ struct Interior {
   Material door;
 };
 
-/// Builds rooms into a scene. Whatever is added to a wall is given in the frame of its side.
+/// Builds rooms into a scene. Objects at a wall are given in the frame of its side.
 class InteriorBuilder {
  public:
   InteriorBuilder(Random* random, Scene* scene) : random_(*random), scene_(*scene) {}
@@ -74,12 +74,12 @@ class InteriorBuilder {
 /// A drone that flies at walking pace.
 MotionStyle flightStyle();
 
-/// Light from everywhere and a little from above.
+/// Ambient light and a little directional light from above.
 Lighting roomLighting();
 
 /// The scene of a flight through a building: Building(seed, scene) builds it, and its flight()
-/// gives the corners of the course. Different numbers of `kind` make different use of the same
-/// seed.
+/// gives the corners of the trajectory. Different `kind`s get different random numbers from the
+/// same seed.
 template <typename Building>
 Scene makeFlight(std::uint32_t seed, std::uint32_t kind, const MotionStyle& style = flightStyle()) {
   constexpr double kTurn_m = 1.2;
@@ -87,7 +87,7 @@ Scene makeFlight(std::uint32_t seed, std::uint32_t kind, const MotionStyle& styl
   scene.seed = hash(seed, 10 * kind + 2);
   scene.lighting = roomLighting();
   const Building building(hash(seed, 10 * kind + 1), &scene);
-  scene.course = Course(building.flight(), kTurn_m, style, hash(seed, 10 * kind + 3));
+  scene.trajectory = CameraTrajectory(building.flight(), kTurn_m, style, hash(seed, 10 * kind + 3));
   return scene;
 }
 

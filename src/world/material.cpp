@@ -22,7 +22,7 @@ float clampUnit(float x) { return std::min(1.0F, std::max(0.0F, x)); }
 
 float blend(float a, float b, float share) { return a + (b - a) * share; }
 
-/// What remains of structures of a size when they are seen through a window of another size.
+/// Remaining contrast of structures of a size after averaging over a window of another size.
 float visibility(float structure, float window) { return clampUnit(1.5F - window / structure); }
 
 /// Length of the window [x - size / 2, x + size / 2] that lies in [begin, end], at most 0 for none.
@@ -37,13 +37,13 @@ float coverage(float x, float size, float begin, float end) {
 
 /// Share of the window that lies in the interval [begin, end] of any period.
 float periodicCoverage(float x, float size, float period, float begin, float end) {
-  const float place = x - period * static_cast<float>(floorToInt(x / period));
+  const float phase = x - period * static_cast<float>(floorToInt(x / period));
   const auto covered = [=](float to) {
     const auto whole = static_cast<float>(floorToInt(to / period));
     return whole * (end - begin) +
            std::min(end - begin, std::max(0.0F, to - whole * period - begin));
   };
-  return clampUnit((covered(place + 0.5F * size) - covered(place - 0.5F * size)) / size);
+  return clampUnit((covered(phase + 0.5F * size) - covered(phase - 0.5F * size)) / size);
 }
 
 /// Smooth noise in [-1, 1] with knots at whole numbers.
@@ -110,7 +110,7 @@ float roughness(const Patch& p, std::uint32_t seed) {
   return sum;
 }
 
-/// A tone of its own in [-1, 1] for every cell of a grid.
+/// A random tone in [-1, 1] for every cell of a grid.
 float cellTone(const Patch& p, float size_u, float size_v, float offset, std::uint32_t seed) {
   const float seen = visibility(size_u, p.size_u) * visibility(size_v, p.size_v);
   if (seen <= 0.0F) return 0.0F;
@@ -184,7 +184,7 @@ float picture(const Material& m, const Patch& p) {
 
 constexpr float kBoard = 0.03F;  // thickness of a shelf's board [m]
 
-/// Light from three books of random breadth, height and tone that stand in a stretch of a board.
+/// Light from three books of random breadth, height and tone in a stretch of a board.
 float books(const Material& m, const Patch& p, int stretch, int level) {
   const std::uint32_t h = cellHash(m.seed, stretch, level);
   const float foot = static_cast<float>(level) * m.size_v;

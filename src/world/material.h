@@ -7,8 +7,8 @@ namespace point_line_odometry::world {
 
 class Random;
 
-/// What a surface looks like. All patterns are functions of the place on the surface [m] and of a
-/// seed, so that there is neither memory for textures nor repetition.
+/// Procedural texture of a surface. All patterns are functions of the position on the surface [m]
+/// and of a seed, so that they need no memory and do not repeat.
 enum class Pattern : std::uint8_t {
   kPlain,    ///< one tone, with a soft drift of contrast * albedo over metres
   kRough,    ///< stains, patches and grains of every size: asphalt, plaster, stone
@@ -38,11 +38,11 @@ struct Material {
   float size_u = 0.25F;   ///< of a brick, tile, panel or picture [m]
   float size_v = 0.08F;
   std::uint32_t seed = 0;
-  bool shines = false;  ///< a lamp or screen: as bright whatever light falls on it
+  bool shines = false;  ///< a lamp or screen: its brightness does not depend on the light
   Windows windows;
 };
 
-/// A material with a seed of its own.
+/// A material with a random seed.
 Material makeMaterial(Pattern pattern, double albedo, double contrast, Random* random);
 
 /// A material with a pattern of a size [m].
@@ -55,7 +55,7 @@ struct Patch {
   float v = 0.0F;
   float size_u = 0.0F;  ///< extent [m]; structures that are smaller fade to their mean
   float size_v = 0.0F;
-  float slope_u = 0.0F;  ///< how far the ray goes sideways per metre behind the surface
+  float slope_u = 0.0F;  ///< sideways shift of the ray per metre behind the surface
   float slope_v = 0.0F;
 };
 

@@ -26,7 +26,8 @@ struct PlaneBounds {
 /// position (i - 0.5, j - 0.5).
 class PixelRays {
  public:
-  /// Rays of a camera's raw image through K and D, or of its rectified image through P.
+  /// Rays of a camera's raw image through K and D, or of its rectified image through P. A pixel of
+  /// an equidistant image more than 75 degrees off the axis sees what lies at 75 degrees.
   static PixelRays ofRawImage(const CameraCalibration& calibration);
   static PixelRays ofRectifiedImage(const CameraCalibration& calibration);
 
@@ -43,7 +44,7 @@ class PixelRays {
 
  private:
   cv::Mat_<cv::Point2f> corners_;
-  bool straight_ = true;  // columns and rows are straight: the corners of a block bound it
+  bool straight_ = true;  // no distortion: the corners of a block bound it
 };
 
 }  // namespace point_line_odometry::world

@@ -1,3 +1,5 @@
+#include "world/plaster.h"
+
 #include <algorithm>
 
 #include "world/interior.h"
@@ -8,7 +10,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kColumns = 6;  // even, so that the last column leads back to the passage
+constexpr int kColumns = 6;  // even, so that the path ends in the passage
 constexpr int kRows = 3;
 constexpr double kPassage_m = 2.4;
 
@@ -21,7 +23,7 @@ struct Doorway {
 /// A passage, and rooms that are flown through column by column.
 ///
 ///     y  +----+----+----+----+----+----+
-///        | .----. | .----. | .----.   |      doors where the way (.) crosses a wall, somewhere
+///        | .----. | .----. | .----.   |      doors where the path (.) crosses a wall, somewhere
 ///        +-|--+-|-+-|--+-|-+-|--+-|---+      along it
 ///        | |  | |   |  | |   |  | |   |
 ///        +-|--+-|-+-|--+-|-+-|--+-|---+
@@ -42,12 +44,12 @@ class Vaults {
     addSills();
   }
 
-  /// Along the passage and back through all rooms, straight through every door.
+  /// The trajectory: along the passage and back through all rooms, straight through every door.
   std::vector<Vector3d> flight() const {
     constexpr double kStraight_m = 0.55;
     std::vector<Vector3d> corners;
-    const auto add = [&](const Vector2d& place, double height) {
-      corners.emplace_back(place.x(), place.y(), height);
+    const auto add = [&](const Vector2d& position, double height) {
+      corners.emplace_back(position.x(), position.y(), height);
     };
     constexpr double kHeight = 1.4;
     add({doorways_.back().middle.x(), 0.5 * kPassage_m}, kHeight);
@@ -62,8 +64,8 @@ class Vaults {
   }
 
  private:
-  /// A place in the wall between two points, far enough from its ends for a door.
-  Vector2d placeOfDoor(const Vector2d& from, const Vector2d& to) {
+  /// A position in the wall between two points, far enough from its ends for a door.
+  Vector2d doorPosition(const Vector2d& from, const Vector2d& to) {
     constexpr double kFromEnd_m = 1.0;
     const double length = (to - from).norm();
     return from + (to - from) * (random_.uniform(kFromEnd_m, length - kFromEnd_m) / length);
@@ -75,14 +77,15 @@ class Vaults {
       const bool up = i % 2 == 1;
       const Vector2d along(0.0, up ? 1.0 : -1.0);
       for (std::size_t step = 0; step < kRows; ++step) {
-        const std::size_t row = up ? step : kRows - 1 - step;  // whose lower wall is crossed
+        const std::size_t row = up ? step : kRows - 1 - step;  // row whose lower wall is crossed
         const bool outside = row == 0 && i != 0 && i + 1 != kColumns;
         if (outside) continue;
-        doorways_.push_back({placeOfDoor({x_[i], y_[row]}, {x_[i + 1], y_[row]}), along});
+        doorways_.push_back({doorPosition({x_[i], y_[row]}, {x_[i + 1], y_[row]}), along});
       }
       if (i == 0) break;
-      const std::size_t row = up ? kRows - 1 : 0;  // in which it goes on to the next column
-      doorways_.push_back({placeOfDoor({x_[i], y_[row]}, {x_[i], y_[row + 1]}), {-1.0, 0.0}});
+      const std::size_t row =
+          up ? kRows - 1 : 0;  // row in which the path changes to the next column
+      doorways_.push_back({doorPosition({x_[i], y_[row]}, {x_[i], y_[row + 1]}), {-1.0, 0.0}});
     }
   }
 
@@ -94,8 +97,11 @@ class Vaults {
     Interior interior;
     const double wall = random_.uniform(0.42, 0.58);
     interior.wall = spots(wall, random_.uniform(0.10, 0.13));
-    interior.floor = spots(random_.uniform(0.32, 0.45), random_.uniform(0.12, 0.16));
-    interior.ceiling = spots(random_.uniform(0.45, 0.6), random_.uniform(0.09, 0.12));
+    // Compilers differ in the order of a call's arguments.
+    const double floor_contrast = random_.uniform(0.12, 0.16);
+    interior.floor = spots(random_.uniform(0.32, 0.45), floor_contrast);
+    const double ceiling_contrast = random_.uniform(0.09, 0.12);
+    interior.ceiling = spots(random_.uniform(0.45, 0.6), ceiling_contrast);
     interior.trim = spots(wall * random_.uniform(0.62, 0.8), 0.06);
     interior.door = spots(wall * random_.uniform(0.7, 0.9), 0.06);
     return interior;
@@ -127,15 +133,16 @@ class Vaults {
     const Eigen::Isometry3d T_side_world = side.pose().inverse();
     std::vector<double> middles;
     for (const Doorway& door : doorways_) {
-      const Vector3d place = T_side_world * Vector3d(door.middle.x(), door.middle.y(), 0.0);
-      const bool in_wall = place.y() < 0.0 && place.y() > -kWallThickness_m;
-      if (in_wall && place.x() > 0.0 && place.x() < side.length()) middles.push_back(place.x());
+      const Vector3d position = T_side_world * Vector3d(door.middle.x(), door.middle.y(), 0.0);
+      const bool in_wall = position.y() < 0.0 && position.y() > -kWallThickness_m;
+      if (in_wall && position.x() > 0.0 && position.x() < side.length())
+        middles.push_back(position.x());
     }
     std::sort(middles.begin(), middles.end());
     return middles;
   }
 
-  /// What a wall without open doors may have: closed doors or pilasters.
+  /// Adds closed doors or pilasters to a wall without open doors.
   void addRelief(const WallSide& side, const Interior& interior) {
     for (double x = random_.uniform(0.9, 2.5); x < side.length() - 0.9;
          x += random_.uniform(3.0, 6.0)) {
@@ -167,7 +174,7 @@ class Vaults {
   std::vector<Doorway> doorways_;         // in the order of the flight
 };
 
-/// A drone in a hurry, whose camera looks about.
+/// A fast drone with a strongly swaying camera.
 MotionStyle hurriedStyle() {
   MotionStyle style;
   style.cruise_m_s = 2.0;

@@ -39,6 +39,13 @@ class Random {
     return from + static_cast<int>(bits() % static_cast<std::uint32_t>(to - from + 1));
   }
 
+  /// Approximately normal with variance 1: the sum of twelve uniform numbers.
+  double gaussian() {
+    double sum = -6.0;
+    for (int i = 0; i < 12; ++i) sum += uniform(0.0, 1.0);
+    return sum;
+  }
+
   bool chance(double probability) { return uniform(0.0, 1.0) < probability; }
 
  private:

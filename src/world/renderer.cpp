@@ -47,25 +47,25 @@ class Painter {
 
   static Cover coverOf(const SeenSurface& surface, const PlaneBlock& block) {
     const float q = surface.q.at(block.centre);
-    const float q_spread = block.spread(surface.q);
-    if (q + q_spread <= 0.0F) return Cover::kNone;
-    bool whole = q - q_spread > 0.0F;
+    const float q_half_range = block.halfRange(surface.q);
+    if (q + q_half_range <= 0.0F) return Cover::kNone;
+    bool whole = q - q_half_range > 0.0F;
     for (std::size_t i = 0; i < surface.num_edges; ++i) {
       const float e = surface.edges[i].at(block.centre);
-      const float spread = block.spread(surface.edges[i]);
-      if (e + spread < 0.0F) return Cover::kNone;
-      whole = whole && e - spread >= 0.0F;
+      const float half_range = block.halfRange(surface.edges[i]);
+      if (e + half_range < 0.0F) return Cover::kNone;
+      whole = whole && e - half_range >= 0.0F;
     }
     return whole ? Cover::kWhole : Cover::kPart;
   }
 
   /// Paints a block. The surfaces that may be seen in it are the end of `candidates`, from `first`
-  /// on; what is put behind them is taken away again.
+  /// on; those appended here are removed again.
   void paint(const PixelBlock& block, std::size_t first, std::vector<int>* candidates) const {
     const PlaneBounds bounds = rays_.bounds(block);
     const PlaneBlock plane(bounds);
     const std::size_t last = candidates->size();
-    int nearest = -1;  // of those that cover the block
+    int nearest = -1;  // nearest surface that covers the block
     float nearest_q = 0.0F;
     for (std::size_t i = first; i < last; ++i) {
       const int index = (*candidates)[i];

@@ -8,7 +8,7 @@
 
 namespace point_line_odometry::world {
 
-/// A camera at a place.
+/// A camera with its pose.
 struct View {
   const PixelRays* rays = nullptr;
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
@@ -17,9 +17,9 @@ struct View {
 /// Light that reaches every pixel of every view, as CV_32FC1 images (1: a white surface in full
 /// light). `movers` are drawn with the scene's own instances.
 ///
-/// Visibility is found by halving blocks of pixels until one surface covers a block and hides all
-/// others there (Warnock 1969), so no surface is missed however thin it is; a pixel with more
-/// than one surface is the mean of 16 rays. Both views are rendered on all cores.
+/// Visibility is determined by halving blocks of pixels until one surface covers a block and hides
+/// all others there (Warnock 1969), so no thin surface is missed; a pixel with more than one
+/// surface is the mean of 16 rays. Both views are rendered on all cores.
 std::vector<cv::Mat> render(const Scene& scene, const std::vector<Instance>& movers,
                             const std::vector<View>& views);
 

@@ -6,43 +6,43 @@
 #include <utility>
 #include <vector>
 
-#include "world/course.h"
+#include "world/camera_trajectory.h"
 #include "world/hill.h"
 #include "world/surface.h"
 
 namespace point_line_odometry::world {
 
-/// Light that comes from everywhere and light that comes from one direction.
+/// Ambient and directional light.
 struct Lighting {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< unit vector towards the sun
   double ambient = 0.6;
   double direct = 0.4;
 };
 
-/// How a camera takes the pictures where nothing else is asked for.
+/// Default exposure of the scene's camera.
 struct Exposure {
   double shutter_ms = 0.0;
-  int instants = 16;   ///< at which the shutter's time is sampled, at most
+  int instants = 16;   ///< largest number of samples of the exposure time
   double noise = 1.5;  ///< standard deviation at middle grey [grey levels]
 };
 
-/// An object at a place; many instances may share an object.
+/// An object with a pose; many instances may share an object.
 struct Instance {
   std::size_t object = 0;
   Eigen::Isometry3d T_world_object = Eigen::Isometry3d::Identity();
 };
 
-/// An object that travels along the course of the scene.
+/// An object that moves along the trajectory of the scene.
 struct Mover {
   std::size_t object = 0;
   double start_m = 0.0;        ///< arc length at time 0
-  double speed_m_s = 0.0;      ///< negative: the other way
-  double to_the_left_m = 0.0;  ///< from the course
+  double speed_m_s = 0.0;      ///< negative: backwards
+  double to_the_left_m = 0.0;  ///< lateral offset from the trajectory
 };
 
-/// A place and a camera's way through it.
+/// The objects and lights of a world, and the trajectory of a camera in it.
 struct Scene {
-  /// Keeps an object for instances of it; its index.
+  /// Adds an object for instances of it; returns its index.
   std::size_t add(Object object) {
     objects.push_back(std::move(object));
     return objects.size() - 1;
@@ -62,28 +62,10 @@ struct Scene {
   double clouds = 0.0;  ///< contrast of clouds in the sky; 0: no more than mist
   Hill hill;
   std::uint32_t seed = 0;
-  Course course;
+  CameraTrajectory trajectory;
 };
 
-struct StreetOptions {
-  int moving_objects = 0;
-  double open_country = 0.0;  ///< share of the blocks that are meadows
-  double hill = 0.0;          ///< height of a hill before the town, in times the usual one
-};
-
-/// A drive through a town: house fronts, kerbs, markings, poles, trees, parked and moving cars.
-Scene makeStreet(std::uint32_t seed, const StreetOptions& options);
-
-/// A flight through furnished rooms and a hallway.
-Scene makeIndoor(std::uint32_t seed);
-
-/// A flight along the plain walls of a corridor: few corners, many edges.
-Scene makeCorridor(std::uint32_t seed);
-
-/// A fast flight through dark rooms of plaster: soft spots that the noise hides, few edges.
-Scene makePlaster(std::uint32_t seed);
-
-/// Where the objects that move are at a time.
-std::vector<Instance> placeMovers(const Scene& scene, double time_s);
+/// Instances of the moving objects at a time.
+std::vector<Instance> poseMovers(const Scene& scene, double time_s);
 
 }  // namespace point_line_odometry::world

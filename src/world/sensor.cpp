@@ -11,7 +11,7 @@ namespace {
 
 constexpr float kWhite = 235.0F;  // grey level of light 1 at exposure 0
 
-/// Near to a normal distribution of variance 1: the sum of four bytes.
+/// Approximately normal with variance 1: the sum of four random bytes.
 float gaussian(std::uint32_t bits) {
   constexpr float kMean = 510.0F;
   constexpr float kDeviation = 147.8F;
@@ -20,7 +20,7 @@ float gaussian(std::uint32_t bits) {
   return (static_cast<float>(sum) - kMean) / kDeviation;
 }
 
-/// Variance of the noise at a grey level: from reading and, growing with the light, from photons.
+/// Standard deviation of the noise at a grey level: read noise and shot noise.
 float noiseDeviation(float grey, float at_middle) {
   return at_middle * std::sqrt(0.3F + 0.7F * std::max(0.0F, grey) / 128.0F);
 }

@@ -1,11 +1,13 @@
+#include "world/street.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
 #include "world/random.h"
 #include "world/scene.h"
-#include "world/street_course.h"
 #include "world/street_objects.h"
+#include "world/street_route.h"
 
 namespace point_line_odometry::world {
 namespace {
@@ -21,20 +23,20 @@ constexpr double kKerbHeight = 0.14;
 constexpr double kLaneOffset = 1.9;  // of a lane's middle from the middle of the road
 constexpr double kParkingOffset = 4.9;
 constexpr double kSlab = kBlockPitch - kRoadWidth;      // a block with its pavement
-constexpr double kLots = kSlab - 2.0 * kPavementWidth;  // where houses stand
+constexpr double kLots = kSlab - 2.0 * kPavementWidth;  // area of the houses
 constexpr double kLotDepth = 10.0;
-constexpr int kMargin = 2;  // blocks round the course
+constexpr int kMargin = 2;  // blocks around the trajectory
 
-// With a hill: where the road over it begins and where the town does, in blocks.
+// With a hill: start of the road over it, and of the town [blocks].
 constexpr int kOutside = 4;
 constexpr int kTownBegins = 2;
 constexpr double kHillHeight = 7.0;  // slopes of up to 15 %
 constexpr double kBeforeHill = 48.0;
 
-// How far away details are still drawn.
+// Largest distance at which details are drawn.
 constexpr double kDrawDetails = 130.0;
 
-/// Builds the objects and places of a town.
+/// Builds the objects of a town.
 class Town {
  public:
   Town(std::uint32_t seed, Scene* scene) : random_(hash(seed, 1)), scene_(*scene) {
@@ -76,8 +78,9 @@ class Town {
                          makeMaterial(Pattern::kRough, 0.25, 0.35, &random_));
     scene_.place(builder.take());
     for (int trees = random_.integer(0, 3); trees > 0; --trees) {
-      addTree(centre + Vector3d(random_.uniform(-0.45, 0.45) * kSlab,
-                                random_.uniform(-0.45, 0.45) * kSlab, kHeight));
+      const double y = random_.uniform(-0.45, 0.45) * kSlab;
+      const double x = random_.uniform(-0.45, 0.45) * kSlab;
+      addTree(centre + Vector3d(x, y, kHeight));
     }
     for (int side = 0; side < 4; ++side) {
       const Eigen::Isometry3d T_world_side = uprightPose(centre, 0.5 * kPi * side);
@@ -134,9 +137,9 @@ class Town {
     const Material material =
         hedge ? makeMaterial(Pattern::kLeaves, 0.25, 0.7, &random_)
               : makeMaterial(Pattern::kBricks, 0.4, 0.3, {0.25, 0.08}, &random_);
-    const Vector3d place_of_wall(x + 0.5 * width, -0.5 * kLots + 0.3, kKerbHeight);
+    const Vector3d wall_position(x + 0.5 * width, -0.5 * kLots + 0.3, kKerbHeight);
     builder.addBox(
-        {T_world_side * uprightPose(place_of_wall, 0.0), {width, 0.4, random_.uniform(1.0, 2.2)}},
+        {T_world_side * uprightPose(wall_position, 0.0), {width, 0.4, random_.uniform(1.0, 2.2)}},
         material);
     scene_.place(builder.take());
     addTree(T_world_side * Vector3d(x + 0.5 * width, -0.5 * kLots + 4.0, kKerbHeight));
@@ -213,7 +216,7 @@ class Town {
     }
   }
 
-  /// Doors, sills, cornices, drain pipes and balconies: what stands out of a front.
+  /// Doors, sills, cornices, drain pipes and balconies of a front.
   void addDetails(const Eigen::Isometry3d& pose, const Vector3d& size, double floor_height,
                   const Material& front) {
     ObjectBuilder builder;
@@ -296,9 +299,9 @@ class Town {
                ObjectBuilder* builder) {
     builder->addColumn(T_world_side * foot, 2.9, 0.035, 0.035, metal);
     const double size = random_.uniform(0.5, 0.8);
-    // Across the road's direction, seen from both sides.
-    const Vector3d place_of_sign = foot + Vector3d(-0.06, 0.0, 2.1);
-    builder->addBox({T_world_side * uprightPose(place_of_sign, 0.0), {0.03, size, size}},
+    // Facing along the road, visible from both sides.
+    const Vector3d sign_position = foot + Vector3d(-0.06, 0.0, 2.1);
+    builder->addBox({T_world_side * uprightPose(sign_position, 0.0), {0.03, size, size}},
                     makeMaterial(Pattern::kPicture, 0.5, 0.7, {size, size}, &random_), metal);
   }
 
@@ -363,23 +366,23 @@ class Town {
   std::vector<std::size_t> trees_;
 };
 
-/// Whether a block is a meadow. It has a random number of its own, so that a town without open
-/// country does not depend on there being the choice.
+/// True if a block is a meadow. Uses a separate random number, so that the rest of the town
+/// does not depend on `share`.
 bool isOpenCountry(std::uint32_t seed, int i, int j, double share) {
   const auto index = static_cast<std::uint32_t>(1000 * (i + kMargin) + j + kMargin);
   return Random(hash(seed, 4, index)).chance(share);
 }
 
-/// Whether a block is one of those that the hill takes the place of.
-bool isBesideHill(int i, int j) { return i >= -kOutside && i < 0 && (j == -1 || j == 0); }
+/// True if the hill replaces this block.
+bool isReplacedByHill(int i, int j) { return i >= -kOutside && i < 0 && (j == -1 || j == 0); }
 
-/// The blocks between two corners, with the open country round a hill.
+/// The blocks between two corners, with the open country around a hill.
 void addBlocks(const Vector2d& low, const Vector2d& high, std::uint32_t seed,
                const StreetOptions& options, Town* town) {
   const bool hilly = options.hill > 0.0;
   for (int i = static_cast<int>(low.x()); i < static_cast<int>(high.x()); ++i) {
     for (int j = static_cast<int>(low.y()); j < static_cast<int>(high.y()); ++j) {
-      if (hilly && isBesideHill(i, j)) continue;
+      if (hilly && isReplacedByHill(i, j)) continue;
       if ((hilly && i < kTownBegins) || isOpenCountry(seed, i, j, options.open_country)) {
         town->addMeadow(i, j);
       } else {
@@ -440,23 +443,9 @@ Scene makeStreet(std::uint32_t seed, const StreetOptions& options) {
     scene.clouds = 1.0;
   }
   constexpr double kTurn_m = 14.0;
-  scene.course = Course(corners, kTurn_m, style, hash(seed, 3));
+  scene.trajectory = CameraTrajectory(corners, kTurn_m, style, hash(seed, 3));
   addMovingCars(options.moving_objects, &town, &scene);
   return scene;
-}
-
-std::vector<Instance> placeMovers(const Scene& scene, double time_s) {
-  std::vector<Instance> placed;
-  for (const Mover& mover : scene.movers) {
-    Eigen::Isometry3d pose = scene.course.at(mover.start_m + mover.speed_m_s * time_s);
-    pose.translation() += mover.to_the_left_m * pose.linear().col(1);
-    pose.translation().z() = scene.hill.heightAt(pose.translation().x());
-    if (mover.speed_m_s < 0.0) {
-      pose.linear() = pose.linear() * Eigen::AngleAxisd(kPi, Vector3d::UnitZ());
-    }
-    placed.push_back({mover.object, pose});
-  }
-  return placed;
 }
 
 }  // namespace point_line_odometry::world

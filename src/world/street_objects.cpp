@@ -11,7 +11,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// How far away they are still drawn [m].
+// Largest distances at which they are drawn [m].
 constexpr double kDrawCars = 180.0;
 constexpr double kDrawTrees = 220.0;
 

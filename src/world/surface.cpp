@@ -94,10 +94,10 @@ Object ObjectBuilder::take(double visible_m) {
   return taken;
 }
 
-Eigen::Isometry3d uprightPose(const Vector3d& place, double yaw_rad) {
+Eigen::Isometry3d uprightPose(const Vector3d& position, double yaw_rad) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.linear() = Eigen::AngleAxisd(yaw_rad, Vector3d::UnitZ()).toRotationMatrix();
-  pose.translation() = place;
+  pose.translation() = position;
   return pose;
 }
 

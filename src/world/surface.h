@@ -24,7 +24,7 @@ struct Surface {
   Material material;
 };
 
-/// Surfaces that belong together, within a ball.
+/// A group of surfaces with its bounding sphere.
 struct Object {
   std::vector<Surface> surfaces;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -32,7 +32,7 @@ struct Object {
   double visible_m = 1e9;  ///< not drawn from farther away
 };
 
-/// Sizes of a box along its own axes [m] and its place: the middle of its bottom.
+/// Size of a box along its own axes [m], and the pose of the middle of its bottom.
 struct BoxShape {
   Eigen::Isometry3d T_world_box = Eigen::Isometry3d::Identity();
   Eigen::Vector3d size = Eigen::Vector3d::Ones();
@@ -51,7 +51,7 @@ class ObjectBuilder {
   void addRectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u,
                     const Eigen::Vector3d& edge_v, const Material& material);
 
-  /// The six faces of a box; the bottom looks like the sides.
+  /// The six faces of a box; the bottom has the material of the sides.
   void addBox(const BoxShape& box, const Material& sides, const Material& top);
   void addBox(const BoxShape& box, const Material& all) { addBox(box, all, all); }
 
@@ -63,14 +63,14 @@ class ObjectBuilder {
   void addColumn(const Eigen::Vector3d& foot, double height_m, double radius_low_m,
                  double radius_high_m, const Material& material);
 
-  /// What has been added, with its ball. The builder is empty then.
+  /// Returns the object with its bounding sphere, and empties the builder.
   Object take(double visible_m = 1e9);
 
  private:
   Object object_;
 };
 
-/// Turned about the vertical by `yaw_rad` and moved.
-Eigen::Isometry3d uprightPose(const Eigen::Vector3d& place, double yaw_rad);
+/// Pose with a rotation about the vertical.
+Eigen::Isometry3d uprightPose(const Eigen::Vector3d& position, double yaw_rad);
 
 }  // namespace point_line_odometry::world

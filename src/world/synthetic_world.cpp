@@ -1,15 +1,24 @@
-#include "point_line_odometry/synthetic_world.h"
+#include "world/synthetic_world.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "common/join.h"
-#include "odometry/parameter_checker.h"
+#include "common/parameter_checker.h"
+#include "geometry/camera_axes.h"
+#include "world/bonnet.h"
+#include "world/corridor.h"
+#include "world/imu.h"
+#include "world/indoor.h"
+#include "world/plaster.h"
 #include "world/random.h"
 #include "world/renderer.h"
 #include "world/sensor.h"
+#include "world/street.h"
+#include "world/wheels.h"
 
 namespace point_line_odometry {
 namespace {
@@ -38,6 +47,15 @@ CameraCalibration rawCamera(const std::array<double, 4>& intrinsics, const std::
   return camera;
 }
 
+/// Pose of the left camera of EuRoC's micro air vehicle in its IMU.
+Eigen::Matrix4d eurocLeftInImu() {
+  Eigen::Matrix4d T_body_left;
+  T_body_left << 0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,
+      0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768, -0.0257744366974,
+      0.00375618835797, 0.999660727178, 0.00981073058949, 0.0, 0.0, 0.0, 1.0;
+  return T_body_left;
+}
+
 /// The raw pair of EuRoC's micro air vehicle.
 StereoCalibration eurocCalibration() {
   const StereoCalibration raw = {
@@ -45,10 +63,7 @@ StereoCalibration eurocCalibration() {
                 {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0.0}),
       rawCamera({457.587, 456.134, 379.999, 255.238},
                 {-0.28368365, 0.07451284, -0.00010473, -3.55590700e-05, 0.0})};
-  Eigen::Matrix4d T_body_left;
-  T_body_left << 0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,
-      0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768, -0.0257744366974,
-      0.00375618835797, 0.999660727178, 0.00981073058949, 0.0, 0.0, 0.0, 1.0;
+  const Eigen::Matrix4d T_body_left = eurocLeftInImu();
   Eigen::Matrix4d T_body_right;
   T_body_right << 0.0125552670891, -0.999755099723, 0.0182237714554, -0.0198435579556,
       0.999598781151, 0.0130119051815, 0.0251588363115, 0.0453689425024, -0.0253898008918,
@@ -56,6 +71,11 @@ StereoCalibration eurocCalibration() {
   Eigen::Isometry3d T_right_left(T_body_right.inverse() * T_body_left);
   T_right_left.linear() = Eigen::Quaterniond(T_right_left.linear()).normalized().matrix();
   return rectifyCalibration(raw, T_right_left);
+}
+
+StereoCalibration calibrationOf(const SyntheticWorldOptions& options) {
+  if (options.camera) return *options.camera;
+  return options.scene == "street" ? kittiCalibration() : eurocCalibration();
 }
 
 world::Scene makeScene(const SyntheticWorldOptions& options) {
@@ -68,7 +88,7 @@ world::Scene makeScene(const SyntheticWorldOptions& options) {
   return world::makeCorridor(seed);
 }
 
-/// Linear in position and angle between the two poses round a time; standing still outside.
+/// Linear in position and angle between the two poses around a time; constant outside.
 Eigen::Isometry3d interpolate(const std::vector<StampedPose>& path, double time_s) {
   const auto stamp = static_cast<double>(path.front().stamp_ns) + time_s * 1e9;
   const auto after = std::upper_bound(
@@ -108,9 +128,10 @@ std::vector<std::string> checkWorldOptions(const SyntheticWorldOptions& options)
 struct SyntheticWorld::Impl {
   explicit Impl(const SyntheticWorldOptions& o)
       : options(o),
-        raw(o.scene != "street"),
-        frame_rate_hz(o.frame_rate_hz > 0.0 ? o.frame_rate_hz : (raw ? 20.0 : 10.0)),
-        calibration(raw ? eurocCalibration() : kittiCalibration()),
+        street(o.scene == "street"),
+        raw(o.camera ? o.camera_is_raw : !street),
+        frame_rate_hz(o.frame_rate_hz > 0.0 ? o.frame_rate_hz : (street ? 10.0 : 20.0)),
+        calibration(calibrationOf(o)),
         T_left_right(poseOfRightInLeft(calibration)),
         scene(makeScene(o)),
         exposure(scene.exposure) {
@@ -119,6 +140,35 @@ struct SyntheticWorld::Impl {
     for (const CameraCalibration* camera : {&calibration.left, &calibration.right}) {
       rays.push_back(raw ? PixelRays::ofRawImage(*camera) : PixelRays::ofRectifiedImage(*camera));
     }
+    if (o.bonnet > 0.0) {
+      const int blur_px = 1 + static_cast<int>(std::ceil(3.0 * o.lens_blur_px));
+      bonnet.emplace(rays, T_left_right, o.bonnet, world::hash(scene.seed, 0xb0), blur_px);
+    }
+  }
+
+  /// An IMU as EuRoC's; in the street one with x ahead and z up, in the camera's place.
+  Eigen::Isometry3d T_imu_left() const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    if (!street) {
+      T.matrix() = eurocLeftInImu();
+      T.linear() = Eigen::Quaterniond(T.linear()).normalized().matrix();
+    } else {
+      T.linear() = cameraAxesInBody();
+    }
+    return T;
+  }
+
+  /// Wheels below and behind the camera, with x ahead and z up.
+  Eigen::Isometry3d T_wheels_left() const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = cameraAxesInBody();
+    T.translation() = raw ? Eigen::Vector3d(0.2, 0.0, 0.3) : Eigen::Vector3d(0.8, 0.0, 1.65);
+    return T;
+  }
+
+  bool isDark(double time_s) const {
+    return time_s >= options.lights_out_at_s &&
+           time_s < options.lights_out_at_s + options.lights_out_s;
   }
 
   double timeOf(std::size_t frame) const { return static_cast<double>(frame) / frame_rate_hz; }
@@ -127,22 +177,27 @@ struct SyntheticWorld::Impl {
     return T_world_left(time_s, options.rotation);
   }
 
-  /// With the scene's own sway times `sway`, if it follows the scene's own motion.
+  /// Pose of the left camera; `sway` scales the scene's own, without effect on a given path.
   Eigen::Isometry3d T_world_left(double time_s, double sway) const {
-    if (options.path.empty()) return scene.course.cameraPose(time_s, options.speed, sway);
-    return scene.course.cameraPose(0.0, options.speed, options.rotation) *
+    if (options.path.empty()) return scene.trajectory.cameraPose(time_s, options.speed, sway);
+    return scene.trajectory.cameraPose(0.0, options.speed, options.rotation) *
            options.path.front().T_world_camera.inverse() * interpolate(options.path, time_s);
   }
 
   /// Light that reaches both cameras at an instant.
   std::vector<cv::Mat> lightAt(double time_s) const {
     const Eigen::Isometry3d T_left = T_world_left(time_s);
-    return world::render(scene, world::placeMovers(scene, time_s),
-                         {{&rays[0], T_left}, {&rays[1], T_left * T_left_right}});
+    std::vector<cv::Mat> light =
+        world::render(scene, world::poseMovers(scene, time_s),
+                      {{&rays[0], T_left}, {&rays[1], T_left * T_left_right}});
+    for (std::size_t i = 0; bonnet && i < light.size(); ++i) {
+      bonnet->paint(i, T_left.linear(), {scene.seed, static_cast<float>(scene.clouds)}, &light[i]);
+    }
+    return light;
   }
 
-  /// How many instants the shutter's time is sampled at: about one for each pixel that the image
-  /// of something at a usual distance moves.
+  /// Number of samples of the exposure time: about one for each pixel that the image of an object
+  /// at a typical distance moves.
   int blurSteps(double time_s, double shutter_s) const {
     constexpr double kDistance_m = 4.0;
     const Eigen::Isometry3d motion =
@@ -155,6 +210,7 @@ struct SyntheticWorld::Impl {
   }
 
   SyntheticWorldOptions options;
+  bool street;
   bool raw;
   double frame_rate_hz;
   StereoCalibration calibration;
@@ -162,6 +218,7 @@ struct SyntheticWorld::Impl {
   world::Scene scene;
   world::Exposure exposure;
   std::vector<PixelRays> rays;
+  std::optional<world::Bonnet> bonnet;
 };
 
 SyntheticWorld::SyntheticWorld(const SyntheticWorldOptions& options) {
@@ -190,7 +247,7 @@ StampedPose SyntheticWorld::pose(std::size_t frame) const {
 
 std::size_t SyntheticWorld::framesForLength(double length_m) const {
   constexpr std::size_t kMost = 1000000;
-  const auto position = [this](std::size_t frame) {  // without the sway, which never ends
+  const auto position = [this](std::size_t frame) {  // without the sway, which never stops
     return Eigen::Vector3d(impl_->T_world_left(impl_->timeOf(frame), 0.0).translation());
   };
   Eigen::Vector3d before = position(0);
@@ -202,7 +259,64 @@ std::size_t SyntheticWorld::framesForLength(double length_m) const {
     before = here;
   }
   throw std::invalid_argument("synthetic world: the camera goes " + std::to_string(travelled_m) +
-                              " m in a million frames, less than the length asked for");
+                              " m in a million frames, less than the requested length");
+}
+
+std::function<ImuSample()> SyntheticWorld::imuSamples() const {
+  constexpr double kBegin_s = -1.0;
+  constexpr std::uint32_t kSalt = 0x1111;
+  world::ImuModel model;
+  model.time_offset_s = 1e-3 * impl_->options.imu_offset_ms;
+  const Impl& impl = *impl_;
+  const Eigen::Isometry3d T_left_imu = impl.T_imu_left().inverse();
+  const auto T_world_imu = [&impl, T_left_imu](double time_s) {
+    return Eigen::Isometry3d(impl.T_world_left(time_s) * T_left_imu);
+  };
+  return [sampler = world::ImuSampler(model, kBegin_s, T_world_imu,
+                                      world::hash(impl.scene.seed, kSalt))]() mutable {
+    return sampler.next();
+  };
+}
+
+ImuData SyntheticWorld::imu(std::size_t last_frame) const {
+  constexpr std::int64_t kAfter_ns = 1000000000;
+  const std::int64_t end_ns = pose(last_frame).stamp_ns + kAfter_ns;
+  const std::function<ImuSample()> next = imuSamples();
+  ImuData data;
+  data.T_imu_camera = impl_->T_imu_left();
+  do {
+    data.samples.push_back(next());
+  } while (data.samples.back().stamp_ns < end_ns);
+  return data;
+}
+
+std::function<OdometrySample()> SyntheticWorld::wheelSamples() const {
+  constexpr double kBegin_s = -1.0;
+  constexpr std::uint32_t kSalt = 0x3333;
+  world::WheelModel model;
+  model.scale_error = impl_->options.wheel_scale_error;
+  model.slip = impl_->options.wheel_slip;
+  const Impl& impl = *impl_;
+  const Eigen::Isometry3d T_left_wheels = impl.T_wheels_left().inverse();
+  const auto T_world_wheels = [&impl, T_left_wheels](double time_s) {
+    return Eigen::Isometry3d(impl.T_world_left(time_s) * T_left_wheels);
+  };
+  return [sampler = world::WheelSampler(model, kBegin_s, T_world_wheels,
+                                        world::hash(impl.scene.seed, kSalt))]() mutable {
+    return sampler.next();
+  };
+}
+
+WheelData SyntheticWorld::wheels(std::size_t last_frame) const {
+  constexpr std::int64_t kAfter_ns = 1000000000;
+  const std::int64_t end_ns = pose(last_frame).stamp_ns + kAfter_ns;
+  const std::function<OdometrySample()> next = wheelSamples();
+  WheelData data;
+  data.T_body_camera = impl_->T_wheels_left();
+  do {
+    data.samples.push_back(next());
+  } while (data.samples.back().stamp_ns < end_ns);
+  return data;
 }
 
 StereoImages SyntheticWorld::render(std::size_t frame) const {
@@ -211,7 +325,7 @@ StereoImages SyntheticWorld::render(std::size_t frame) const {
   const int steps = shutter_s > 0.0 ? impl_->blurSteps(time_s, shutter_s) : 1;
   std::vector<cv::Mat> light;
   for (int i = 0; i < steps; ++i) {
-    const double share = (i + 0.5) / steps - 0.5;  // of the time that the shutter is open
+    const double share = (i + 0.5) / steps - 0.5;  // of the exposure time, from its middle
     const std::vector<cv::Mat> now = impl_->lightAt(time_s + share * shutter_s);
     if (light.empty()) {
       light = now;
@@ -224,12 +338,17 @@ StereoImages SyntheticWorld::render(std::size_t frame) const {
   const auto develop = [&](std::size_t camera) {
     const std::uint32_t seed = world::hash(impl_->scene.seed, static_cast<std::uint32_t>(frame),
                                            static_cast<std::uint32_t>(camera));
-    const cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
+    cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
+    if (impl_->isDark(time_s)) mean.setTo(0.0);
     return world::expose(mean, sensor, seed);
   };
   StereoImages images;
   images.left = develop(0);
   images.right = develop(1);
+  if (impl_->bonnet) {
+    images.left_mask = impl_->bonnet->mask(0);
+    images.right_mask = impl_->bonnet->mask(1);
+  }
   images.stamp_ns = pose(frame).stamp_ns;
   return images;
 }

@@ -12,7 +12,7 @@ LinearForm toForm(const Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
-/// Collects what a camera sees.
+/// Collects the surfaces in view of a camera.
 class Finder {
  public:
   Finder(const Scene& scene, const Eigen::Isometry3d& T_world_camera, const PlaneBounds& image)
@@ -31,7 +31,7 @@ class Finder {
   VisibleSurfaces take() { return std::move(visible_); }
 
  private:
-  /// False if a ball in the camera's frame is outside the pyramid of the image.
+  /// False if a sphere in the camera's frame is outside the view frustum.
   bool touchesView(const Vector3d& centre, double radius) const {
     const auto outside = [&](double tangent, double x, double sign) {
       return sign * (x - tangent * centre.z()) > radius * std::sqrt(1.0 + tangent * tangent);
@@ -96,7 +96,7 @@ class Finder {
   float lightOn(const Material& material, double cosine) const {
     if (material.shines) return 1.0F;
     const Lighting& lighting = scene_.lighting;
-    // Leaves point to all sides.
+    // Leaves have no common normal.
     const double facing =
         material.pattern == Pattern::kLeaves ? 0.35 + 0.15 * cosine : std::max(0.0, cosine);
     return static_cast<float>(lighting.ambient + lighting.direct * facing);

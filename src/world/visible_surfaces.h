@@ -35,14 +35,14 @@ struct PlaneBlock {
         half_width(0.5F * (b.x_high - b.x_low)),
         half_height(0.5F * (b.y_high - b.y_low)) {}
 
-  float spread(const LinearForm& f) const {
+  float halfRange(const LinearForm& f) const {
     return std::abs(f.a) * half_width + std::abs(f.b) * half_height;
   }
-  float lowest(const LinearForm& f) const { return f.at(centre) - spread(f); }
-  float highest(const LinearForm& f) const { return f.at(centre) + spread(f); }
+  float lowest(const LinearForm& f) const { return f.at(centre) - halfRange(f); }
+  float highest(const LinearForm& f) const { return f.at(centre) + halfRange(f); }
 };
 
-/// A surface as a view sees it. With q = 1 / z of the point that a ray (X, Y, 1) hits, the values
+/// A surface in a view. With q = 1 / z of the point that a ray (X, Y, 1) hits, the values
 /// q, u q, v q and e q (e: distance inside an edge) are linear in X and Y; the ray hits the polygon
 /// if q > 0 and e q >= 0 for all its edges.
 struct SeenSurface {
@@ -58,15 +58,14 @@ struct SeenSurface {
   float eye_height = 1.0F;
 };
 
-/// The surfaces that a view may see, and the bounds of each one's image. The bounds are kept apart
-/// as most surfaces are looked at no closer.
+/// The surfaces that may be visible in a view, and the bounds of their images. Bounds are stored
+/// separately, as they are all that is read of most surfaces.
 struct VisibleSurfaces {
   std::vector<SeenSurface> surfaces;
   std::vector<PlaneBounds> bounds;
 };
 
-/// Surfaces of the scene and of what moves in it that are turned to the camera and may lie within
-/// its image.
+/// Surfaces of the scene and of moving objects that face the camera and may be within its image.
 VisibleSurfaces findVisibleSurfaces(const Scene& scene, const std::vector<Instance>& movers,
                                     const Eigen::Isometry3d& T_world_camera,
                                     const PlaneBounds& image);

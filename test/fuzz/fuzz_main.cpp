@@ -1,4 +1,4 @@
-/// The entry that libFuzzer calls, for the target that the build names.
+/// The entry point of libFuzzer, for the target FUZZ_TARGET.
 
 #include <string>
 

@@ -10,7 +10,9 @@
 
 #include "fuzz/fuzz_support.h"
 #include "fuzz/fuzz_targets.h"
+#include "ros/calibration_conversion.h"
 #include "ros/conversions.h"
+#include "ros/image_conversion.h"
 
 namespace point_line_odometry {
 namespace {
@@ -18,19 +20,19 @@ namespace {
 /// Larger images only make the fuzzer slow.
 constexpr std::uint64_t kMaxPixelBytes = 1U << 20U;
 
-/// Passes over parts of a serialised message.
+/// Skips parts of a serialised message.
 class WireReader {
  public:
   WireReader(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
 
-  /// False if the message ends before.
+  /// False if the message is shorter.
   bool skip(std::uint64_t bytes) {
     if (bytes > size_ - at_) return false;
     at_ += static_cast<std::size_t>(bytes);
     return true;
   }
 
-  /// Passes over a length and as many items.
+  /// Skips an array: its length and its items.
   bool skipItems(std::uint64_t item_bytes) {
     std::uint32_t count = 0;
     const std::size_t begin = at_;
@@ -47,8 +49,8 @@ class WireReader {
 
 constexpr std::uint64_t kStampAndSequence = 12;
 
-/// Whether all lengths in the message fit. ROS makes room for an array before it looks whether the
-/// message is that long, and 4 GB of zeros for every other input would only make the fuzzer slow.
+/// True if all array lengths fit the message. ROS allocates an array before it checks the length of
+/// the message; 4 GB of zeros for every other input would only make the fuzzer slow.
 bool lengthsFit(const sensor_msgs::Image&, WireReader wire) {
   const bool header = wire.skip(kStampAndSequence) && wire.skipItems(1);
   return header && wire.skip(8) && wire.skipItems(1) && wire.skip(5) && wire.skipItems(1);
@@ -90,7 +92,7 @@ void convert(const sensor_msgs::Image& image) {
   require(sum <= 255U * gray.total(), "a pixel is at most 255");
 }
 
-/// Larger look-up tables only make the fuzzer slow.
+/// Larger rectification maps only make the fuzzer slow.
 constexpr int kMaxRectifiedSide_px = 256;
 
 void rectify(const StereoCalibration& calibration) {
@@ -114,7 +116,7 @@ void fuzzImage(const std::uint8_t* data, std::size_t size) {
   std::optional<sensor_msgs::Image> image = deserialize<sensor_msgs::Image>(data, size);
   if (!image) return;
   convert(*image);
-  // Chance seldom finds data of the right length, so that it is also tried with it.
+  // Random data rarely has the right length, so the image is also tried with that.
   const std::uint64_t bytes = static_cast<std::uint64_t>(image->step) * image->height;
   if (bytes > kMaxPixelBytes) return;
   image->data.resize(static_cast<std::size_t>(bytes));

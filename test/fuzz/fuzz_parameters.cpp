@@ -2,10 +2,12 @@
 
 #include <sstream>
 #include <string>
+#include <vector>
 
+#include "common/input_error.h"
 #include "fuzz/fuzz_support.h"
 #include "fuzz/fuzz_targets.h"
-#include "ros/node_parameters.h"
+#include "ros/parameter_loader.h"
 #include "tools/parameter_text.h"
 
 namespace point_line_odometry {
@@ -43,7 +45,7 @@ XmlRpcValue makeValue(char type, const std::string& text) {
   }
 }
 
-/// Puts a value at its path; where a leaf is on the way, it stays.
+/// Sets a value at its path, unless a leaf is in the path.
 void insert(const std::string& path, const XmlRpcValue& value, XmlRpcValue* tree) {
   const std::size_t slash = path.find('/');
   XmlRpcValue& child = (*tree)[path.substr(0, slash)];
@@ -55,7 +57,7 @@ void insert(const std::string& path, const XmlRpcValue& value, XmlRpcValue* tree
 }
 
 void requireAllowed(const Parameters& parameters) {
-  require(checkParameters(parameters).empty(), "parameters that are taken are in their ranges");
+  require(checkParameters(parameters).empty(), "accepted parameters are in their ranges");
 }
 
 }  // namespace
@@ -72,7 +74,8 @@ void fuzzConfiguration(const std::uint8_t* data, std::size_t size) {
     require(named, std::string("the file at fault is named, not only: ") + error.what());
   }
   try {
-    requireAllowed(applySettings({}, linesOf(text)));
+    std::vector<std::string> warnings;
+    requireAllowed(applySettings({}, linesOf(text), &warnings));
   } catch (const InputError&) {
     return;
   }

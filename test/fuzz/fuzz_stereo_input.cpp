@@ -1,5 +1,5 @@
-/// Whole sequences of messages through the nodelet's input: StereoInput, CameraMounting and
-/// FrameProcessor, as the nodelet joins them.
+/// Sequences of messages through the nodelet's input: StereoInput, SensorMounting and
+/// FrameProcessor, connected as in the nodelet.
 
 #include <ros/time.h>
 #include <tf2/buffer_core.h>
@@ -15,10 +15,11 @@
 
 #include "fuzz/fuzz_support.h"
 #include "fuzz/fuzz_targets.h"
-#include "ros/camera_mounting.h"
+#include "ros/calibration_conversion.h"
 #include "ros/conversions.h"
 #include "ros/frame_messages.h"
 #include "ros/frame_processor.h"
+#include "ros/sensor_mounting.h"
 #include "ros/stereo_input.h"
 
 namespace point_line_odometry {
@@ -32,7 +33,7 @@ constexpr std::int64_t kPeriod_ns = 50000000;
 constexpr std::int64_t kBegin_ns = 1000000000000;
 constexpr double kArrivalPeriod_s = 0.05;
 
-/// Takes values from the front of the bytes, zeros where there are none left.
+/// Reads values from the front of the bytes, zeros after their end.
 class ByteReader {
  public:
   ByteReader(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
@@ -73,7 +74,7 @@ struct Frame {
   }
 };
 
-/// A plain pair, in which nothing moves: a pose that changes was changed by something else.
+/// A uniform pair without motion, so that the pose must not change.
 Frame plainFrame(std::int64_t stamp_ns) {
   Frame frame;
   for (sensor_msgs::Image& image : frame.images) {
@@ -100,7 +101,7 @@ Frame plainFrame(std::int64_t stamp_ns) {
 }
 
 ros::Time takeStamp(ByteReader* bytes) {
-  ros::Time stamp;  // as a message brings it: nobody has normalised it
+  ros::Time stamp;  // as in a deserialised message: not normalised
   stamp.sec = bytes->take<std::uint32_t>();
   stamp.nsec = bytes->take<std::uint32_t>();
   return stamp;
@@ -146,7 +147,7 @@ void spoilInfo(ByteReader* bytes, sensor_msgs::CameraInfo* info) {
   }
 }
 
-/// The next frame at the time of `clock_ns`, which a jump of the clock changes for good.
+/// The next frame at the time of `clock_ns`, which a jump of the clock changes permanently.
 Frame takeFrame(ByteReader* bytes, std::int64_t* clock_ns) {
   const std::uint8_t kind = bytes->take<std::uint8_t>();
   const std::size_t topic = (kind >> 4U) % kNumStereoTopics;
@@ -187,7 +188,7 @@ Frame takeFrame(ByteReader* bytes, std::int64_t* clock_ns) {
   return frame;
 }
 
-/// What the nodelet does with messages, and what it promises of that.
+/// The nodelet's processing of messages, with checks of its guarantees.
 class Pipeline {
  public:
   Pipeline(const AllParameters& parameters, const Eigen::Isometry3d& T_odom_base)
@@ -195,7 +196,7 @@ class Pipeline {
         T_odom_base_(T_odom_base),
         input_(parameters.node, {"left", "right", "left_info", "right_info"},
                [this](const StereoMessages& set) { takeSafely(set); }),
-        mounting_(knownFrame),
+        mounting_("left image", knownFrame),
         processor_(parameters) {
     processor_.reset(T_odom_base);
     processor_.observeStarts([this](const FrameStart& start) { continues_ = start.continues; });
@@ -216,7 +217,7 @@ class Pipeline {
     }
     if (broken_) std::rethrow_exception(broken_);
     input_.facts(arrival_s);
-    input_.explainSilence();
+    input_.explainTimeout();
   }
 
  private:
@@ -227,7 +228,7 @@ class Pipeline {
     return T_base_camera;
   }
 
-  /// StereoInput lets no exception pass.
+  /// StereoInput catches all exceptions, so they are kept for publish().
   void takeSafely(const StereoMessages& set) {
     try {
       take(set);
@@ -256,7 +257,7 @@ class Pipeline {
     last_ = set;
   }
 
-  /// A start other than the first one has a reason that was confirmed.
+  /// A reset has a confirmed reason.
   void checkStart(const StereoMessages& set) const {
     if (continues_ || !last_.left) return;
     const auto other_frame = [&](const StereoMessages& m) {
@@ -269,16 +270,17 @@ class Pipeline {
     };
     require(confirmed(sets_of_mounting_, other_frame) || confirmed(sets_, other_infos) ||
                 jumpConfirmed(set.left->header.stamp),
-            "the odometry begins anew only if three messages in a row say why");
+            "the odometry is reset only if three messages in a row confirm the reason");
   }
 
-  /// True if the latest sets agree in what the last frame had not.
+  /// True if the latest sets agree on a value that the last frame did not have.
   template <typename Agrees>
   bool confirmed(const std::vector<StereoMessages>& sets, const Agrees& agrees) const {
     return !agrees(last_) && sets.size() >= 3 && std::all_of(sets.end() - 3, sets.end(), agrees);
   }
 
-  /// True if left images in a row rise from or to this stamp, which is far from the last frame's.
+  /// True if the stamps of three successive left images rise around this stamp, which is far before
+  /// that of the last frame.
   bool jumpConfirmed(const ros::Time& stamp) const {
     const double back_s = last_.left->header.stamp.toSec() - stamp.toSec();
     if (back_s <= 1.0) return false;
@@ -292,12 +294,12 @@ class Pipeline {
 
   /// Nothing moves, so that only a reset may move the pose.
   void checkPose(const ProcessedFrame& frame) {
-    if (processor_.startedAnew()) T_odom_base_ = initial_pose_;
+    if (processor_.wasReset()) T_odom_base_ = initial_pose_;
     const double moved_m = (frame.T_odom_base().translation() - T_odom_base_.translation()).norm();
     require(moved_m < 1e-6, "the pose stays where it is");
   }
 
-  /// What is published can be calculated with.
+  /// Published messages are valid.
   void checkMessages(const ProcessedFrame& frame) {
     require(frame.result.reason != TrackingReason::kException, frame.result.error);
     const nav_msgs::Odometry odometry = toOdometry(frame, {"odom", "base"});
@@ -315,7 +317,7 @@ class Pipeline {
   const Eigen::Isometry3d initial_pose_;
   Eigen::Isometry3d T_odom_base_;
   StereoInput input_;
-  CameraMounting mounting_;
+  SensorMounting mounting_;
   FrameProcessor processor_;
   tf2::BufferCore tf_;
   std::exception_ptr broken_;
@@ -330,7 +332,7 @@ AllParameters takeParameters(ByteReader* bytes) {
   const std::uint8_t choice = bytes->take<std::uint8_t>();
   AllParameters parameters;
   parameters.core.tracking.threads = 1;
-  parameters.core.lines.enabled = false;  // there are none, and looking for them takes long
+  parameters.core.lines.enabled = false;  // there are none, and detection takes long
   parameters.node.initial_pose.x = 1.0;
   parameters.node.approximate_sync = (choice & 1U) != 0;
   parameters.node.rectify = (choice & 2U) != 0;

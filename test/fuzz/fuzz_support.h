@@ -20,7 +20,7 @@ inline std::string toText(const std::uint8_t* data, std::size_t size) {
   return {data, data + size};
 }
 
-/// A folder of its own, in memory where the system has such a place, removed at the end.
+/// A temporary folder, in memory where possible, removed at the end.
 class ScratchFolder {
  public:
   ScratchFolder() {

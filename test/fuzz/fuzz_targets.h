@@ -1,10 +1,10 @@
 #pragma once
 
 /// \file
-/// Targets for a fuzzer: each feeds bytes to one kind of input from outside, and expects what the
-/// functions that read it promise: a value that can be used, or an exception of the promised type.
+/// Targets for a fuzzer: each feeds bytes to one kind of external input, and expects what the
+/// functions that read it document: a valid value, or an exception of the documented type.
 /// Anything else leaves the target as an exception, std::logic_error for a broken promise. Seeds
-/// and inputs that once failed lie in corpus/NAME, and fuzz_corpus_test runs all of them.
+/// and inputs that once failed are in corpus/NAME, and fuzz_corpus_test runs all of them.
 
 #include <array>
 #include <cstddef>
@@ -19,21 +19,29 @@ void fuzzImage(const std::uint8_t* data, std::size_t size);
 /// and StereoRectifier.
 void fuzzCameraInfo(const std::uint8_t* data, std::size_t size);
 
-/// Parameters in a byte, and stereo frames whose messages are spoiled, as StereoInput,
-/// CameraMounting and FrameProcessor get them from the nodelet's callbacks: nothing is thrown, and
-/// nothing begins anew that three messages in a row have not confirmed.
+/// Parameters in a byte, and stereo frames with corrupted messages, as StereoInput,
+/// SensorMounting and FrameProcessor get them from the nodelet's callbacks: nothing is thrown, and
+/// the odometry is reset only if three messages in a row confirm the reason.
 void fuzzStereoMessages(const std::uint8_t* data, std::size_t size);
 
-/// A text: readTum(), and what writeTum() makes of it is read back as it was.
+/// A text: readTum(), and the output of writeTum() is read back unchanged.
 void fuzzTrajectory(const std::uint8_t* data, std::size_t size);
 
-/// A text whose first line names a file of a KITTI folder (calib.txt, times.txt or poses.txt), the
-/// rest is its content: StereoDataset.
+/// A text whose first line names a file of a KITTI folder (calib.txt, times.txt, poses.txt,
+/// timestamps.txt or packet.txt of oxts, calib_imu_to_velo.txt), the rest is its content:
+/// StereoDataset.
 void fuzzKitti(const std::uint8_t* data, std::size_t size);
 
 /// The same with a file of an EuRoC folder: sensor.yaml (of the left camera), data.csv (of the left
-/// camera) or groundtruth.csv.
+/// camera), groundtruth.csv, imu.csv or imu.yaml.
 void fuzzEuroc(const std::uint8_t* data, std::size_t size);
+
+/// A text: readPriors().
+void fuzzPriors(const std::uint8_t* data, std::size_t size);
+
+/// A mask file: StaticMasks. The same bytes, of which the first four are encoding, width, height
+/// and step, as a message: toMask().
+void fuzzMask(const std::uint8_t* data, std::size_t size);
 
 /// A text as YAML file: loadParameters(). Its lines as settings name=value: applySettings().
 void fuzzConfiguration(const std::uint8_t* data, std::size_t size);
@@ -47,13 +55,15 @@ struct FuzzTarget {
   void (*run)(const std::uint8_t* data, std::size_t size);
 };
 
-constexpr std::array<FuzzTarget, 8> kFuzzTargets{{
+constexpr std::array<FuzzTarget, 10> kFuzzTargets{{
     {"image", fuzzImage},
     {"camera_info", fuzzCameraInfo},
     {"stereo_messages", fuzzStereoMessages},
     {"trajectory", fuzzTrajectory},
     {"kitti", fuzzKitti},
     {"euroc", fuzzEuroc},
+    {"priors", fuzzPriors},
+    {"mask", fuzzMask},
     {"configuration", fuzzConfiguration},
     {"ros_parameters", fuzzRosParameters},
 }};

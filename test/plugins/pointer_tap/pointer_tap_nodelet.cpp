@@ -18,11 +18,11 @@
 
 namespace point_line_odometry {
 
-/// A nodelet beside the odometry that takes what the odometry takes, and what it gives. Publishes a
+/// A nodelet in the odometry's manager that subscribes to its input and its output. Publishes a
 /// line of text on ~seen for each message: "KIND STAMP_NS ADDRESS CONTENT", where KIND is left,
 /// right or features, ADDRESS that of the message in memory, and CONTENT a hash of an image's
 /// pixels or the number of features. Images are kept until the odometry of their stamp has come and
-/// are then told of again, as left_after and right_after.
+/// are then reported again, as left_after and right_after.
 class PointerTapNodelet : public nodelet::Nodelet {
  private:
   struct Image {

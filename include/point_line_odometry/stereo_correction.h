@@ -1,0 +1,47 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <tuple>
+
+#include "point_line_odometry/stereo_camera.h"
+
+namespace point_line_odometry {
+
+/// Small smooth displacement of the right image against its calibration: quadratic polynomials of
+/// the pixel for each coordinate. They span, to first order, the displacement by an error of the
+/// right camera's rotation, principal point, focal length or tangential distortion.
+class StereoCorrection {
+ public:
+  static constexpr int kTerms = 6;  ///< number of monomials of a polynomial
+  /// Coefficients of the monomials [px].
+  using Coefficients = Eigen::Matrix<double, kTerms, 1>;
+
+  StereoCorrection() = default;
+  /// No displacement, for the images of a camera.
+  explicit StereoCorrection(const StereoCamera& camera)
+      : centre_(camera.cx, camera.cy), scale_(2.0 / camera.width) {}
+
+  /// Values of the polynomial's terms 1, x, y, x^2 - 1/3, x y, y^2 at a pixel; x is about +-1 at
+  /// the image's sides, y in the same unit. The mean of x^2 over the image is subtracted: a
+  /// constant shift is what a calibration observes best and has removed.
+  Coefficients terms(const Eigen::Vector2d& right_px) const;
+
+  /// The pixel at which a correctly calibrated right camera would observe the same point.
+  Eigen::Vector2d apply(const Eigen::Vector2d& right_px) const;
+
+  Coefficients u = Coefficients::Zero();  ///< horizontal displacement: a bias of the disparity
+  Coefficients v =
+      Coefficients::Zero();  ///< vertical displacement: a bias of the vertical disparity
+
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [u_of_this, v_of_this, centre, scale] = *this;
+    return std::tie(u_of_this, v_of_this, centre, scale);
+  }
+
+ private:
+  Eigen::Vector2d centre_ = Eigen::Vector2d::Zero();
+  double scale_ = 0.0;
+};
+
+}  // namespace point_line_odometry

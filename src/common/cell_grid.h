@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+namespace point_line_odometry {
+
+/// An image divided into square cells with a value each.
+template <typename Value>
+class CellGrid {
+ public:
+  CellGrid(int width, int height, int cell_size_px)
+      : cell_size_px_(static_cast<float>(cell_size_px)),
+        columns_(static_cast<std::size_t>(width / cell_size_px) + 1),
+        cells_(columns_ * (static_cast<std::size_t>(height / cell_size_px) + 1)) {}
+
+  /// The value of the cell of a pixel, which must lie in the image.
+  Value& at(const Eigen::Vector2f& pixel) { return cells_[indexOf(pixel)]; }
+  const Value& at(const Eigen::Vector2f& pixel) const { return cells_[indexOf(pixel)]; }
+
+  /// All values, row by row.
+  const std::vector<Value>& cells() const { return cells_; }
+
+ private:
+  std::size_t indexOf(const Eigen::Vector2f& pixel) const {
+    return static_cast<std::size_t>(pixel.y() / cell_size_px_) * columns_ +
+           static_cast<std::size_t>(pixel.x() / cell_size_px_);
+  }
+
+  float cell_size_px_;
+  std::size_t columns_;
+  std::vector<Value> cells_;
+};
+
+}  // namespace point_line_odometry

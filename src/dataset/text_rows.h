@@ -1,0 +1,58 @@
+#pragma once
+
+/// \file
+/// Rows of text files of data sets, and errors that name the file.
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <locale>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "common/input_error.h"
+
+namespace point_line_odometry {
+
+/// Throws an InputError of these parts.
+template <typename... Parts>
+[[noreturn]] void fail(const Parts&... parts) {
+  std::ostringstream text;
+  (text << ... << parts);
+  throw InputError(text.str());
+}
+
+inline std::string quoted(const std::filesystem::path& path) { return "'" + path.string() + "'"; }
+
+/// Lines without line ends (LF or CRLF); empty lines and comments (#) are skipped.
+inline std::vector<std::string> readLines(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  if (!in) fail("file ", quoted(file), " is missing or unreadable: unpack the data set completely");
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) {
+    while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back()))) line.pop_back();
+    if (!line.empty() && line.front() != '#') lines.push_back(line);
+  }
+  return lines;
+}
+
+/// The numbers of a row, separated by blanks or commas. Throws for anything else.
+inline std::vector<double> parseNumbers(std::string row, const std::filesystem::path& file) {
+  std::replace(row.begin(), row.end(), ',', ' ');
+  std::istringstream in(row);
+  in.imbue(std::locale::classic());
+  std::vector<double> numbers;
+  for (double number = 0.0; in >> number;) numbers.push_back(number);
+  if (!in.eof()) fail("file ", quoted(file), " has a row that is not numbers: '", row, "'");
+  return numbers;
+}
+
+/// True for a regular file: not a folder, a pipe or a device.
+inline bool isFile(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored);
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <vector>
+
+#include "features/features.h"
+#include "features/gradient.h"
+
+namespace point_line_odometry {
+
+/// Line band descriptors (LBD, Zhang and Koch 2013): nine bands of seven pixels along each segment,
+/// binarised by comparing the statistics of 32 pairs of bands.
+std::vector<Descriptor> describeLines(const GradientImage& gradient,
+                                      const std::vector<LineSegment>& segments);
+
+}  // namespace point_line_odometry

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "common/thread_pool.h"
+#include "features/feature_mask.h"
+#include "features/features.h"
+#include "features/gradient.h"
+#include "features/line_detector.h"
+#include "features/lsd_detector.h"
+#include "features/point_detector.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// Detects and describes points and lines in both images of a stereo frame, in parallel.
+class StereoFeatureDetector {
+ public:
+  /// Throws std::runtime_error if lines/detector is lsd and OpenCV has none.
+  StereoFeatureDetector(const PointParameters& points, const LineParameters& lines);
+
+  /// The detector of line segments in use: that of lines/detector, or its fallback.
+  LineDetectorKind lineDetector() const { return line_detector_; }
+
+  /// The same result whatever the number of threads. Images must be CV_8UC1. \param masks of the
+  /// images, which are painted by them; those of `images` are not used.
+  DetectedFeatures detect(const StereoImages& images, ThreadPool* threads,
+                          const StereoMasks& masks = {});
+
+  /// Keypoints of the coarser levels of an image, which detect() leaves out: noise is averaged
+  /// out there, and blurred texture has corners.
+  /// \param mask with the levels of the pyramid.
+  std::vector<Keypoint> detectCoarserPoints(const ImagePyramid& image, ThreadPool* threads,
+                                            const FeatureMask& mask = {});
+
+ private:
+  /// Line detector of one image, with its scratch memory.
+  struct LineStage {
+    GradientImage gradient;
+    LineDetector edge_chains;
+    std::optional<LsdDetector> lsd;  // instead of edge_chains
+
+    std::vector<LineFeature> detect(const cv::Mat& image, const FeatureMask& mask);
+  };
+
+  LineStage makeLineStage(const LineParameters& lines) const;
+
+  bool points_enabled_;
+  LineDetectorKind line_detector_;
+  std::array<PointDetector, 2> point_detectors_;  // left, right
+  std::array<LineStage, 2> line_stages_;
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,155 @@
+#include "matching/correlation_patch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "common/processor_clones.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr int kSide = CorrelationPatch::kSide;
+constexpr int kHalf = kSide / 2;
+constexpr int kArea = kSide * kSide;
+
+/// Pixels around the centres of a search, as 16 bits, which multiply and add fastest.
+struct SearchWindow {
+  int columns = 0;  ///< centres
+  int rows = 0;
+  int pitch = 0;
+  std::vector<std::int16_t> pixels;
+
+  SearchWindow(const cv::Mat& image, const Eigen::Vector2i& first, const Eigen::Vector2i& last)
+      : columns(last.x() - first.x() + 1),
+        rows(last.y() - first.y() + 1),
+        pitch(columns + kSide - 1),
+        pixels(static_cast<std::size_t>(pitch) * (rows + kSide - 1)) {
+    for (int y = 0; y < rows + kSide - 1; ++y) {
+      const std::uint8_t* row = image.ptr<std::uint8_t>(first.y() - kHalf + y) + first.x() - kHalf;
+      std::copy(row, row + pitch, pixels.begin() + static_cast<std::ptrdiff_t>(y) * pitch);
+    }
+  }
+};
+
+/// Sums over the patches centred in a row of a search: of their values, of the squares, and of the
+/// products with a patch.
+struct RowSums {
+  std::vector<std::int32_t> values;
+  std::vector<std::int32_t> squares;
+  std::vector<std::int32_t> products;
+};
+
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void sumProducts(const std::int16_t* patch, const std::int16_t* window, int pitch, int columns,
+                 std::int32_t* products) {
+  for (int x = 0; x < columns; ++x) {
+    std::int32_t sum = 0;
+    for (int r = 0; r < kSide; ++r) {
+      for (int c = 0; c < kSide; ++c) sum += patch[r * kSide + c] * window[r * pitch + x + c];
+    }
+    products[x] = sum;
+  }
+}
+
+/// Running sums of kSide columns.
+void sumColumns(const std::vector<std::int32_t>& columns, std::vector<std::int32_t>* sums) {
+  std::int32_t sum = std::accumulate(columns.begin(), columns.begin() + kSide, 0);
+  for (std::size_t x = 0; x < sums->size(); ++x) {
+    (*sums)[x] = sum;
+    if (x + 1 < sums->size()) sum += columns[x + kSide] - columns[x];
+  }
+}
+
+/// Adds a row of pixels to sums of columns, or takes it away again.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addRow(const std::int16_t* row, int size, int sign, std::int32_t* values,
+            std::int32_t* squares) {
+  for (int x = 0; x < size; ++x) {
+    const std::int32_t value = row[x];
+    values[x] += sign * value;
+    squares[x] += sign * value * value;
+  }
+}
+
+/// Square root of n times the sum of squared differences from the mean.
+float normOf(std::int32_t sum, std::int32_t squares) {
+  return std::sqrt(static_cast<float>(std::int64_t{kArea} * squares - std::int64_t{sum} * sum));
+}
+
+/// Centres of all patches in an image.
+Eigen::AlignedBox2f centres(const cv::Mat& image) {
+  return {Eigen::Vector2f(kHalf, kHalf),
+          Eigen::Vector2i(image.cols - kHalf, image.rows - kHalf).cast<float>()};
+}
+
+/// Maximum of a parabola through three values at -1, 0, 1, of which the middle one is the largest.
+float peakOf(float before, float at, float after) {
+  const float curvature = before - 2.0F * at + after;
+  return curvature < 0.0F ? std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F) : 0.0F;
+}
+
+}  // namespace
+
+CorrelationPatch::CorrelationPatch(const cv::Mat& image, const Eigen::Vector2f& pixel) {
+  const Eigen::Vector2f centre = pixel.array().round();
+  if (!pixel.allFinite() || !centres(image).contains(centre)) return;
+  fraction_ = pixel - centre;
+  const SearchWindow window(image, centre.cast<int>(), centre.cast<int>());
+  std::copy(window.pixels.begin(), window.pixels.end(), values_.begin());
+  sum_ = std::accumulate(values_.begin(), values_.end(), 0);
+  norm_ = normOf(sum_, std::inner_product(values_.begin(), values_.end(), values_.begin(), 0));
+}
+
+std::vector<float> CorrelationPatch::correlations(const cv::Mat& image,
+                                                  const Eigen::Vector2i& first,
+                                                  const Eigen::Vector2i& last) const {
+  const SearchWindow window(image, first, last);
+  const auto size = static_cast<std::size_t>(window.columns);
+  RowSums sums{std::vector<std::int32_t>(size), std::vector<std::int32_t>(size),
+               std::vector<std::int32_t>(size)};
+  std::vector<std::int32_t> column_values(static_cast<std::size_t>(window.pitch));
+  std::vector<std::int32_t> column_squares(static_cast<std::size_t>(window.pitch));
+  std::vector<float> result;
+  result.reserve(size * static_cast<std::size_t>(window.rows));
+  for (int y = 0; y < window.rows; ++y) {
+    const std::int16_t* row = window.pixels.data() + static_cast<std::ptrdiff_t>(y) * window.pitch;
+    for (int r = y == 0 ? 0 : kSide - 1; r < kSide; ++r)
+      addRow(row + r * window.pitch, window.pitch, 1, column_values.data(), column_squares.data());
+    sumColumns(column_values, &sums.values);
+    sumColumns(column_squares, &sums.squares);
+    sumProducts(values_.data(), row, window.pitch, window.columns, sums.products.data());
+    for (std::size_t x = 0; x < size; ++x) {
+      const std::int64_t covariance =
+          std::int64_t{kArea} * sums.products[x] - std::int64_t{sum_} * sums.values[x];
+      // Positive only for patches that are not uniform.
+      result.push_back(covariance > 0 ? static_cast<float>(covariance) /
+                                            (norm_ * normOf(sums.values[x], sums.squares[x]))
+                                      : 0.0F);
+    }
+    addRow(row, window.pitch, -1, column_values.data(), column_squares.data());
+  }
+  return result;
+}
+
+std::optional<Eigen::Vector2f> CorrelationPatch::find(const cv::Mat& image,
+                                                      const Eigen::AlignedBox2f& window) const {
+  if (!window.min().allFinite() || !window.max().allFinite()) return std::nullopt;
+  const Eigen::AlignedBox2f clipped = window.intersection(centres(image));
+  if (!(norm_ > 0.0F) || clipped.isEmpty()) return std::nullopt;
+  const Eigen::Vector2i first = clipped.min().array().round().cast<int>();
+  const Eigen::Vector2i last = clipped.max().array().round().cast<int>();
+  const std::vector<float> all = correlations(image, first, last);
+  const auto best = std::max_element(all.begin(), all.end());
+  if (*best < kMinCorrelation) return std::nullopt;
+  const auto columns = static_cast<std::ptrdiff_t>(last.x() - first.x() + 1);
+  const std::ptrdiff_t x = (best - all.begin()) % columns;
+  const std::ptrdiff_t y = (best - all.begin()) / columns;
+  Eigen::Vector2f peak =
+      first.cast<float>() + Eigen::Vector2f(static_cast<float>(x), static_cast<float>(y));
+  if (x > 0 && x + 1 < columns) peak.x() += peakOf(best[-1], best[0], best[1]);
+  if (y > 0 && y < last.y() - first.y()) peak.y() += peakOf(best[-columns], best[0], best[columns]);
+  return peak + fraction_;
+}
+
+}  // namespace point_line_odometry

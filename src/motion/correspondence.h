@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// Observation of a point in a stereo frame; the right pixel with the stereo correction applied.
+struct PointObservation {
+  Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d right_px = Eigen::Vector2d::Zero();
+  double sigma_px = 1.0;  ///< of each pixel coordinate
+  double patch_px = 0.0;  ///< side of the patch that was aligned in both images; 0: none
+};
+
+/// Observation of a line in a stereo frame: the segments in its two images.
+struct LineObservation {
+  Eigen::Vector2d left_start_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d left_end_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d right_start_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d right_end_px = Eigen::Vector2d::Zero();
+  double sigma_px = 1.0;  ///< of an end point, along the line's normal
+};
+
+/// A point with its position in the previous left camera, and its observation in frame k.
+struct PointCorrespondence : PointObservation {
+  Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
+  bool far = false;  ///< too far for a depth: it constrains the rotation only
+};
+
+/// A line with its position in the previous left camera, and its observation in frame k.
+struct LineCorrespondence : LineObservation {
+  Eigen::Vector3d start_prev =
+      Eigen::Vector3d::Zero();  ///< end points in the previous left camera [m]
+  Eigen::Vector3d end_prev = Eigen::Vector3d::Zero();
+  Matrix6d covariance = Matrix6d::Zero();  ///< of (start, end) [m^2]
+};
+
+/// True for a match that does not constrain the translation.
+inline bool isFar(const PointCorrespondence& point) { return point.far; }
+inline bool isFar(const LineCorrespondence&) { return false; }
+
+struct Correspondences {
+  std::vector<PointCorrespondence> points;
+  std::vector<LineCorrespondence> lines;
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "features/feature_mask.h"
+#include "features/image_pyramid.h"
+#include "motion/noise_scale.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/stereo_correction.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// What turns features of the current frame into observations; holds references.
+struct FrameContext {
+  const StereoImages& images;  ///< painted by the masks
+  const StereoCamera& camera;
+  const StereoCorrection& correction;  ///< of pixels in the right image
+  const Parameters& parameters;
+  NoiseScale noise = {};
+  /// The images, with their coarser levels where points of those are in use.
+  ImagePyramid left = ImagePyramid(images.left);
+  ImagePyramid right = ImagePyramid(images.right);
+  StereoMasks masks = {};  ///< with the same levels
+};
+
+}  // namespace point_line_odometry

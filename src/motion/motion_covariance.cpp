@@ -1,0 +1,150 @@
+#include "motion/motion_covariance.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
+#include "geometry/se3.h"
+
+namespace point_line_odometry {
+namespace {
+
+// Prior of the variance factor: counts as this many residuals of variance 1.
+constexpr double kPriorResiduals = 20.0;
+
+// Standard deviation of an error that all disparities have in common once the calibration is
+// estimated online. It does not average out over a frame's points.
+constexpr double kCalibrationPx = 0.05;
+
+// Share of a point's noise that comes from the pixels of the current image. The other half is that
+// of the patch, which is another image's.
+constexpr double kNoiseOfImage = 0.5;
+
+/// Area that two squares have in common, relative to the geometric mean of their areas: the
+/// correlation of means of white noise over them.
+double overlap(const PatchJacobian& a, const PatchJacobian& b) {
+  const Eigen::Array2d distance = (a.left_px - b.left_px).array().abs();
+  const double smaller = std::min(a.side_px, b.side_px);
+  const Eigen::Array2d common = (0.5 * (a.side_px + b.side_px) - distance).min(smaller).max(0.0);
+  return common.prod() / (a.side_px * b.side_px);
+}
+
+/// The inverse; unconstrained directions get a huge but finite variance.
+Matrix6d invert(const Matrix6d& information) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
+  const double floor = std::max(1e-15 * eigen.eigenvalues().maxCoeff(), 1e-15);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
+         eigen.eigenvectors().transpose();
+}
+
+/// Variance factor of the inverse information matrix: estimated from the residuals of an M-estimate
+/// with Huber weights (Huber, Robust Statistics, 1981, section 7.6; the loss of a norm reduces the
+/// derivative along the residual only), with a prior of 1.
+double varianceFactor(const ResidualStatistics& statistics) {
+  const double degrees_of_freedom = std::max(statistics.weighted_rows - 6, 0);
+  if (!(statistics.sum_psi_derivative > 0.0) || !(degrees_of_freedom > 0.0)) return 1.0;
+  const double observed = statistics.sum_psi2 * statistics.sum_weights * statistics.weighted_rows /
+                          (statistics.sum_psi_derivative * statistics.sum_psi_derivative);
+  return (observed + kPriorResiduals) / (degrees_of_freedom + kPriorResiduals);
+}
+
+}  // namespace
+
+NormalEquations& NormalEquations::operator+=(const NormalEquations& other) {
+  information += other.information;
+  shift_of_far += other.shift_of_far;
+  correlation += other.correlation;
+  return *this;
+}
+
+NormalEquations& NormalEquations::operator-=(const NormalEquations& other) {
+  information -= other.information;
+  shift_of_far -= other.shift_of_far;
+  correlation -= other.correlation;
+  return *this;
+}
+
+/// The estimate solves (information + shift_of_far) x = -J^T r, where J^T r has the covariance
+/// information + correlation.
+Matrix6d NormalEquations::covariance(Matrix6d* gain) const {
+  const Matrix6d inverse = invert(information);
+  const Matrix6d by_inverse =
+      Matrix6d(Matrix6d::Identity() + inverse * shift_of_far).partialPivLu().inverse();
+  *gain = by_inverse * inverse;
+  Matrix6d covariance = *gain * by_inverse.transpose() + *gain * correlation * gain->transpose();
+  if (covariance.allFinite()) return covariance;
+  *gain = invert(Matrix6d::Zero());  // nothing is constrained
+  return *gain;
+}
+
+std::size_t ImageInformation::partAt(const Eigen::Vector2d& left_px) {
+  const Eigen::Vector2i cell = (left_px / part_px_).array().floor().cast<int>();
+  const auto at = std::find_if(parts_.begin(), parts_.end(),
+                               [&](const Part& part) { return part.cell == cell; });
+  const auto index = static_cast<std::size_t>(at - parts_.begin());
+  if (at == parts_.end()) parts_.push_back({cell, {}});
+  return index;
+}
+
+void ImageInformation::add(const Eigen::Vector2d& left_px, const NormalEquations& equations) {
+  whole_ += equations;
+  parts_[partAt(left_px)].equations += equations;
+}
+
+void ImageInformation::addCorrelations(std::vector<PatchJacobian> patches) {
+  double largest_px = 0.0;
+  for (const PatchJacobian& patch : patches) largest_px = std::max(largest_px, patch.side_px);
+  std::stable_sort(
+      patches.begin(), patches.end(),
+      [](const PatchJacobian& a, const PatchJacobian& b) { return a.left_px.x() < b.left_px.x(); });
+  for (auto a = patches.begin(); a != patches.end(); ++a) {
+    for (auto b = a + 1; b != patches.end(); ++b) {
+      if (b->left_px.x() - a->left_px.x() >= largest_px) break;
+      const double common = overlap(*a, *b);
+      if (!(common > 0.0)) continue;
+      const Matrix6d half = kNoiseOfImage * common * a->J.transpose() * b->J;
+      NormalEquations pair;
+      pair.correlation = half + half.transpose();
+      whole_ += pair;
+      const std::size_t part_of_a = partAt(a->left_px);
+      const std::size_t part_of_b = partAt(b->left_px);
+      parts_[part_of_a].equations += pair;
+      if (part_of_b != part_of_a) parts_[part_of_b].equations += pair;
+    }
+  }
+}
+
+NormalEquations ImageInformation::withoutMostInfluentialPart() const {
+  if (parts_.empty()) return whole_;
+  const Matrix6d covariance = invert(whole_.information);
+  const auto influence = [&](const Part& part) {
+    return covariance.cwiseProduct(part.equations.information).sum();
+  };
+  const auto most =
+      std::max_element(parts_.begin(), parts_.end(),
+                       [&](const Part& a, const Part& b) { return influence(a) < influence(b); });
+  NormalEquations others = whole_;
+  others -= most->equations;
+  return others;
+}
+
+Matrix6d motionCovariance(const ResidualStatistics& statistics,
+                          const Eigen::Isometry3d& T_curr_prev) {
+  Matrix6d gain;
+  const Matrix6d inverse = statistics.information.withoutMostInfluentialPart().covariance(&gain);
+  const double scale = varianceFactor(statistics);
+  const Vector6d calibration_error = kCalibrationPx * gain * statistics.J_disparity;
+  const Matrix6d of_perturbation =
+      scale * inverse + calibration_error * calibration_error.transpose();
+
+  // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
+  const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();
+  const Eigen::Vector3d& t = T_curr_prev.translation();
+  Matrix6d J = Matrix6d::Zero();
+  J.block<3, 3>(0, 0) = -R_t * skew(t);
+  J.block<3, 3>(0, 3) = -R_t;
+  J.block<3, 3>(3, 0) = -R_t;
+  const Matrix6d covariance = J * of_perturbation * J.transpose();
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "matching/stereo_frame.h"
+#include "motion/correspondence.h"
+#include "motion/motion_estimator.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/stereo_correction.h"
+
+namespace point_line_odometry {
+
+/// Information of one motion on the coefficients of the disparity.
+struct CalibrationEvidence {
+  Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms> information =
+      decltype(information)::Zero();
+  StereoCorrection::Coefficients vector = StereoCorrection::Coefficients::Zero();
+
+  auto state() { return std::tie(information, vector); }
+};
+
+/// Estimates the correction of the right image while the odometry runs. Vertical disparities
+/// measure v directly. A bias of the disparity, u, is observable when the camera moves: the
+/// triangulated depths then disagree with the optical flow. Each frame adds its information on the
+/// coefficients, with the motion marginalised out; old information decays exponentially.
+class OnlineStereoCalibration {
+ public:
+  explicit OnlineStereoCalibration(const StereoCamera& camera);
+
+  const StereoCorrection& correction() const { return correction_; }
+
+  /// A stereo match: its uncorrected pixel in the right image, and its row there minus that in the
+  /// left image.
+  struct VerticalDisparity {
+    Eigen::Vector2d right_px;
+    double vertical_disparity_px;
+  };
+  void addVerticalDisparities(const std::vector<VerticalDisparity>& samples, double sigma_px);
+
+  /// Adds one frame's motion: residuals of the inlier points at the estimate. \param share_of_new
+  /// share of new features in the frame, 0 ... 1. Its cube weights the frame: tracked points repeat
+  /// their errors, and errors common to all points bias the disparity more the less the camera
+  /// moves. Nothing if unknown, as for the first motion of a map: then that of the next motion is
+  /// used.
+  void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
+                 const MotionParameters& parameters, const std::optional<double>& share_of_new);
+
+  /// The estimate, for StereoOdometry::saveState(); the camera is not part of it.
+  auto state();
+
+ private:
+  using Coefficients = StereoCorrection::Coefficients;
+  using Information = Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms>;
+
+  /// Gaussian estimate of coefficients in information form.
+  struct GaussianEstimate {
+    Information prior;
+    Information information;
+    Coefficients vector = Coefficients::Zero();
+
+    /// \param prior_sigma of each coefficient [px], about zero.
+    explicit GaussianEstimate(const Coefficients& prior_sigma);
+    void add(const Information& information, const Coefficients& vector);
+    Coefficients mean() const;
+    auto state() { return std::tie(prior, information, vector); }
+  };
+
+  void add(const CalibrationEvidence& evidence, double share_of_new);
+
+  StereoCamera camera_;
+  StereoCorrection correction_;
+  GaussianEstimate u_;
+  GaussianEstimate v_;
+  /// Of a motion whose share of new features is still unknown.
+  std::optional<CalibrationEvidence> waiting_;
+};
+
+/// The vertical disparities of the stereo points of a frame.
+std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
+    const StereoFrame& frame);
+
+inline auto OnlineStereoCalibration::state() {
+  auto& [camera, correction, u, v, waiting] = *this;
+  static_cast<void>(camera);
+  return std::tie(correction, u, v, waiting);
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <Eigen/Geometry>
+
+#include "point_line_odometry/motion_prior.h"
+#include "point_line_odometry/types.h"
+
+namespace point_line_odometry {
+
+/// Whether the numbers of a prior can be used: finite, a rotation, a symmetric information matrix
+/// without negative eigenvalues.
+bool isUsable(const MotionPrior& prior);
+
+/// The prior of two motions in a row. What one of them does not know is known of neither.
+MotionPrior composed(const MotionPrior& first, const MotionPrior& second);
+
+/// Covariance of an estimate that is fused with independent information, from its own.
+Matrix6d fusedCovariance(const Matrix6d& covariance, const Matrix6d& information);
+
+/// A relative-pose factor: the whitened difference of the motion from that of a prior, with a Huber
+/// loss of the whole, so that its pull is bounded and never more than its information says.
+class PriorFactor {
+ public:
+  /// \param prior usable.
+  explicit PriorFactor(const MotionPrior& prior);
+
+  struct Linearization {
+    Vector6d residual;
+    Matrix6d jacobian;  ///< by a perturbation (exp(rotation) R, t + translation) of T_curr_prev
+  };
+  Linearization linearize(const Eigen::Isometry3d& T_curr_prev) const;
+
+  /// Information at a motion: that of the prior, less where the Huber loss is beyond its square.
+  Matrix6d informationAt(const Eigen::Isometry3d& T_curr_prev) const;
+
+  /// Number of axes that it knows to better than 10 m or 1 rad.
+  int axes() const { return axes_; }
+
+  /// Squared Mahalanobis distance from an independent estimate. \param covariance of its
+  /// T_prev_curr, along and about the axes of the previous camera.
+  double chiSquare(const Eigen::Isometry3d& T_curr_prev, const Matrix6d& covariance) const;
+
+  /// Whether an independent estimate is within the error that both admit to: false for one in 10000
+  /// of them.
+  static bool agrees(const PriorReport& report);
+
+ private:
+  Vector6d difference(const Eigen::Isometry3d& T_curr_prev) const;
+
+  Eigen::Isometry3d T_prev_curr_;
+  Matrix6d root_;  // information = root^T root
+  int axes_ = 0;
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,53 @@
+#include "odometry/adaptive_feature_budget.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "common/statistics.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr double kAim = 0.95;        // of the target time
+constexpr double kRoomBelow = 0.9;   // share of the target below which there is room for more
+constexpr double kLargestCut = 0.5;  // factor of one decision
+constexpr double kLargestRise = 1.25;
+constexpr double kShortest_ms = 1e-3;
+constexpr double kLargestGradient = 255.0;  // of lines/min_gradient [grey levels / px]
+
+}  // namespace
+
+AdaptiveFeatureBudget::AdaptiveFeatureBudget(double target_ms) : target_ms_(target_ms) {
+  if (!std::isfinite(target_ms) || target_ms < 0.0) {
+    throw std::invalid_argument("target_frame_time_ms is " + std::to_string(target_ms) +
+                                ", but must be 0 or more");
+  }
+}
+
+double AdaptiveFeatureBudget::addFrame(double frame_ms) {
+  if (target_ms_ == 0.0 || !std::isfinite(frame_ms) || frame_ms < 0.0) return budget_;
+  times_ms_.push_back(frame_ms);
+  if (times_ms_.size() < kFramesPerDecision) return budget_;
+  const double median_ms = median(times_ms_);
+  times_ms_.clear();
+  if (median_ms <= target_ms_ && median_ms >= kRoomBelow * target_ms_) return budget_;
+  // A part of the time does not depend on the budget, so that this changes it by less than wanted
+  // and never beyond the aim.
+  const double wanted = kAim * target_ms_ / std::max(median_ms, kShortest_ms);
+  budget_ = std::clamp(budget_ * std::clamp(wanted, kLargestCut, kLargestRise), kMinBudget, 1.0);
+  return budget_;
+}
+
+Parameters withFeatureBudget(Parameters parameters, double share) {
+  for (int* count : {&parameters.points.max_per_cell, &parameters.lines.max_count})
+    *count = std::max(1, static_cast<int>(std::lround(share * *count)));
+  if (share < 1.0) {
+    double& gradient = parameters.lines.min_gradient;
+    gradient = std::max(gradient, std::min(gradient / share, kLargestGradient));
+  }
+  return parameters;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,117 @@
+#include "odometry/frame_report.h"
+
+#include <vector>
+
+namespace point_line_odometry {
+namespace {
+
+/// Numbers of detected, stereo-matched and untriangulable features.
+FrameCounts countFeatures(const StereoFrame& frame) {
+  FrameCounts counts;
+  counts.points_left = static_cast<int>(frame.features.points_left.size());
+  counts.points_right = static_cast<int>(frame.features.points_right.size());
+  counts.lines_left = static_cast<int>(frame.features.lines_left.size());
+  counts.lines_right = static_cast<int>(frame.features.lines_right.size());
+  counts.point_stereo_matches = static_cast<int>(frame.points.size());
+  counts.line_stereo_matches = static_cast<int>(frame.lines.size());
+  for (const StereoLine& line : frame.lines)
+    counts.lines_not_triangulable += line.triangulated ? 0 : 1;
+  return counts;
+}
+
+/// By a map, or by the last frame before tracking was lost.
+bool wasRelocalized(const OdometryState& state, const TrackingResult& tracked) {
+  const bool measured = tracked.reason == TrackingReason::kNone;
+  return tracked.relocalized || (measured && state.tracking == TrackingState::kLost &&
+                                 state.history.previous->stamp_ns < *state.stamp_ns);
+}
+
+FrameCounts countTracked(const OdometryState& state, const StereoFrame& curr,
+                         const TrackingResult& tracked) {
+  FrameCounts counts = countFeatures(curr);
+  counts.point_matches = static_cast<int>(tracked.matches.points.size());
+  counts.line_matches = static_cast<int>(tracked.matches.lines.size());
+  counts.point_inliers = tracked.frame_to_frame.num_point_inliers;
+  counts.line_inliers = tracked.frame_to_frame.num_line_inliers;
+  counts.iterations = tracked.motion.iterations;
+  counts.relocalizations = wasRelocalized(state, tracked) ? 1 : 0;
+  counts.failed_windows = state.failed_windows;
+  if (!state.history.map) return counts;
+  const LocalMap& map = *state.history.map;
+  const LandmarkMatches& matches = tracked.landmark_matches;
+  counts.map_points = static_cast<int>(map.numPoints());
+  counts.map_lines = static_cast<int>(map.numLines());
+  counts.map_point_inliers = countInliers(tracked.motion.point_inliers, matches.points.size());
+  counts.map_line_inliers = countInliers(tracked.motion.line_inliers, matches.lines.size());
+  counts.keyframes = static_cast<int>(map.numKeyframes());
+  return counts;
+}
+
+/// The features of the frame for display: matched ones with their positions, and the others.
+void observeFeatures(const StereoFrame& curr, const CircularMatches& matches,
+                     const MotionEstimate& motion, FrameResult* result) {
+  std::vector<bool> point_shown(curr.features.points_left.size(), false);
+  std::vector<bool> line_shown(curr.features.lines_left.size(), false);
+  for (std::size_t i = 0; i < matches.points.size(); ++i) {
+    const StereoPoint& point = curr.points[matches.points[i].second];
+    point_shown[point.left] = true;
+    if (point.far) continue;  // its depth is unknown
+    result->points.push_back(
+        {curr.features.points_left[point.left].pixel, curr.features.points_right[point.right].pixel,
+         point.triangulated.p_camera.cast<float>(), bool(motion.point_inliers[i])});
+  }
+  for (std::size_t i = 0; i < matches.lines.size(); ++i) {
+    const StereoLine& line = curr.lines[matches.lines[i].second];
+    if (!line.triangulated) continue;
+    line_shown[line.left] = true;
+    result->lines.push_back(
+        {curr.features.lines_left[line.left].segment, curr.features.lines_right[line.right].segment,
+         line.triangulated->start_camera.cast<float>(), line.triangulated->end_camera.cast<float>(),
+         bool(motion.line_inliers[i])});
+  }
+  for (std::size_t i = 0; i < point_shown.size(); ++i) {
+    if (!point_shown[i]) result->unmatched_points_px.push_back(curr.features.points_left[i].pixel);
+  }
+  for (std::size_t i = 0; i < line_shown.size(); ++i) {
+    if (!line_shown[i]) result->unmatched_lines_px.push_back(curr.features.lines_left[i].segment);
+  }
+}
+
+/// A prior of a frame without a motion carries the pose.
+PriorReport reportPrior(const TrackingResult& tracked, const FramePrior& prior) {
+  PriorReport report = tracked.prior;
+  const bool measured = tracked.reason == TrackingReason::kNone;
+  if (report.use == PriorUse::kNone || (report.use == PriorUse::kUsed && !measured))
+    report.use = prior.use;
+  if (report.use == PriorUse::kUsed && !measured) report.use = PriorUse::kCarried;
+  return report;
+}
+
+}  // namespace
+
+TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
+                       const std::optional<std::int64_t>& last_stamp_ns) {
+  const auto fits = [&](const cv::Mat& image) {
+    return image.type() == CV_8UC1 && image.cols == camera.width && image.rows == camera.height;
+  };
+  const auto maskFits = [&](const cv::Mat& mask) { return mask.empty() || fits(mask); };
+  if (!fits(images.left) || !fits(images.right) || !maskFits(images.left_mask) ||
+      !maskFits(images.right_mask))
+    return TrackingReason::kWrongImages;
+  if (last_stamp_ns && images.stamp_ns <= *last_stamp_ns) return TrackingReason::kStampNotNewer;
+  return TrackingReason::kNone;
+}
+
+void reportTracking(const OdometryState& state, const StereoFrame& curr,
+                    const TrackingResult& tracked, const FramePrior& prior, FrameResult* result) {
+  result->reason = tracked.weak ? TrackingReason::kWeakMotion : tracked.reason;
+  result->rms_px = tracked.motion.rms_px;
+  result->point_residuals = tracked.motion.point_residuals;
+  result->line_residuals = tracked.motion.line_residuals;
+  result->counts = countTracked(state, curr, tracked);
+  result->prior = reportPrior(tracked, prior);
+  if (!tracked.in_lost_map) result->image_motion = tracked.image_motion;
+  observeFeatures(curr, tracked.matches, tracked.frame_to_frame, result);
+}
+
+}  // namespace point_line_odometry

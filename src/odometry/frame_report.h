@@ -1,0 +1,24 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "matching/frame_matcher.h"
+#include "odometry/frame_tracker.h"
+#include "odometry/odometry_state.h"
+#include "point_line_odometry/frame_result.h"
+
+namespace point_line_odometry {
+
+/// Why the images of a frame are refused, kNone if they are not: they and their masks must be of
+/// the camera, and newer than the last ones. \param last_stamp_ns of the last accepted frame.
+TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
+                       const std::optional<std::int64_t>& last_stamp_ns);
+
+/// Fills a result with what was detected and tracked in a frame: reason, residuals, counts,
+/// features.
+/// \param state before its update by the frame. \param prior of the frame.
+void reportTracking(const OdometryState& state, const StereoFrame& curr,
+                    const TrackingResult& tracked, const FramePrior& prior, FrameResult* result);
+
+}  // namespace point_line_odometry

@@ -1,0 +1,416 @@
+#include "odometry/frame_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "matching/appearance_matcher.h"
+#include "motion/camera_motion.h"
+#include "motion/motion_consensus.h"
+#include "motion/observations.h"
+#include "odometry/correspondences.h"
+#include "odometry/uncertainty.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
+
+// If the map gives fewer matches than this share of those with the previous frame, these are used,
+// too.
+constexpr double kFewMapMatches = 0.5;
+
+// With a correct prediction at least this share of the features is matched (0.35 and more in all
+// sequences at full rate).
+constexpr double kShareFound = 0.25;
+
+// With a wrong prediction at most this share seems to be (0.064 at every 6th frame of EuRoC). So
+// where more agree on a plausible motion, these are the scene, and a larger part of the image that
+// moves otherwise is not.
+constexpr double kShareOfScene = 0.1;
+
+// Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
+// found from frame to frame.
+constexpr int kMinRecognized = 20;
+constexpr double kShareRecognized = 0.7;
+constexpr int kRelocalizationRounds = 2;
+
+/// Appends the inlier matches of one kind; all of them if there is no motion.
+template <typename Correspondence>
+void appendMatches(const std::vector<Correspondence>& matches, const MotionEstimate& motion,
+                   const std::vector<bool>& inliers, std::vector<Correspondence>* list) {
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (!motion.ok() || inliers[i]) list->push_back(matches[i]);
+  }
+}
+
+/// Share of an earlier frame's features in view after a motion that were matched and are inliers; 0
+/// without a motion. Far points are left out: they agree with any translation.
+double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
+                  const Correspondences& matches, const MotionEstimate& motion) {
+  if (!motion.ok()) return 0.0;
+  const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
+    const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
+    if (!(p.z() > camera.baseline_m)) return false;
+    const Eigen::Vector2d left = camera.projectLeft(p);
+    return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
+           left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
+  };
+  const auto points = std::count_if(
+      earlier.points.begin(), earlier.points.end(),
+      [&](const StereoPoint& point) { return !point.far && in_view(point.triangulated.p_camera); });
+  const auto lines =
+      std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
+        return line.triangulated &&
+               (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
+      });
+  int far = 0;
+  for (std::size_t i = 0; i < matches.points.size(); ++i)
+    far += motion.point_inliers[i] && matches.points[i].far ? 1 : 0;
+  const auto found = static_cast<double>(motion.num_point_inliers - far + motion.num_line_inliers);
+  return found / std::max<double>(1.0, static_cast<double>(points + lines));
+}
+
+/// The points with a depth.
+ReferencePoints referencePoints(const StereoFrame& frame) {
+  ReferencePoints known;
+  const std::vector<StereoDescriptor> descriptors = stereoDescriptors(frame);
+  for (std::size_t i = 0; i < frame.points.size(); ++i) {
+    if (frame.points[i].far) continue;
+    known.descriptors.push_back(descriptors[i]);
+    known.positions.push_back(frame.points[i].triangulated.p_camera);
+  }
+  return known;
+}
+
+ReferencePoints referencePoints(const LocalMap& map) {
+  ReferencePoints known;
+  const Eigen::Isometry3d T_previous_map = map.T_map_previous().inverse();
+  for (const MapPoint& point : map.points()) {
+    known.descriptors.push_back({point.left, point.right});
+    known.positions.push_back(T_previous_map * point.estimate.value);
+  }
+  return known;
+}
+
+/// True if the share of landmarks in view that is found is nearly that of consecutive frames: of
+/// another place with similar appearance only a part is found.
+bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,
+                       const MotionEstimate& motion) {
+  return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognized &&
+         shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
+}
+
+/// The motion over a time by the last velocity, or by the limits of the camera's speed, and a
+/// prior.
+PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                               const TrackingParameters& limits, const MotionPrior* prior) {
+  Matrix6d covariance = Matrix6d::Zero();
+  if (velocity) {
+    covariance = dt_s * dt_s * velocity->covariance +
+                 predictionCovariance(velocity->value, true, dt_s, dt_s);
+  } else {
+    covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
+    covariance.diagonal().tail<3>().setConstant(
+        std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
+  }
+  return predictedMotion(velocity ? velocity->value : Vector6d::Zero(), covariance, dt_s, prior);
+}
+
+TrackingReason trackingReason(MotionStatus status) {
+  switch (status) {
+    case MotionStatus::kOk:
+      return TrackingReason::kNone;
+    case MotionStatus::kTooFewMatches:
+      return TrackingReason::kTooFewMatches;
+    case MotionStatus::kTooFewInliers:
+      return TrackingReason::kTooFewInliers;
+    case MotionStatus::kSolverFailed:
+      break;
+  }
+  return TrackingReason::kSolverFailed;
+}
+
+}  // namespace
+
+TrackingResult FrameTracker::track(const StereoFrame& curr) const {
+  TrackingResult tracked = trackWith(curr, prior_.ofMotion());
+  if (tracked.prior.use == PriorUse::kRejected) {
+    const PriorReport rejected = tracked.prior;
+    tracked = trackWith(curr, nullptr);
+    tracked.prior = rejected;
+  } else if (prior_.use == PriorUse::kSuspended) {
+    comparePrior(&tracked);
+    tracked.prior.use = PriorUse::kSuspended;
+  }
+  return tracked;
+}
+
+/// Without a check of the prior's use.
+TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrior* prior) const {
+  const double dt_s = toSeconds(curr.stamp_ns - history_.previous->stamp_ns);
+  const Expectation expected{predictMotion(velocity_, dt_s, parameters_, prior), prior};
+  TrackingResult tracked = trackFrameToFrame(curr, expected);
+  if (tracked.prior.use == PriorUse::kRejected) return tracked;
+  if (history_.map) {
+    const StageTimer timer(times_, Stage::kMap);
+    trackLocalMap(curr, expected, &tracked);
+    if (tracked.prior.use == PriorUse::kRejected) return tracked;
+  }
+  constrainWeakAxes(dt_s, &tracked);
+  if (tracked.motion.ok()) {
+    tracked.reason = reasonOf(tracked.motion, dt_s);
+  } else {
+    TrackingResult found = relocalize(curr);
+    if (found.relocalized) return found;
+  }
+  return tracked;
+}
+
+/// Compares the prior with the motion by the images, if there is one.
+void FrameTracker::comparePrior(TrackingResult* tracked) const {
+  if (!prior_.since_previous || !tracked->image_motion) return;
+  const PriorFactor factor(*prior_.since_previous);
+  tracked->prior.axes = factor.axes();
+  tracked->prior.chi_square = factor.chiSquare(tracked->image_motion->T_prev_curr.inverse(),
+                                               tracked->image_motion->covariance);
+  const bool agrees = PriorFactor::agrees(tracked->prior);
+  tracked->prior.use = agrees ? PriorUse::kUsed : PriorUse::kRejected;
+}
+
+TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
+  TrackingResult tracked;
+  tracked.reason = TrackingReason::kTooFewInliers;
+  const StageTimer timer(times_, Stage::kMap);
+  if (!history_.map || curr.points.size() < kMinConsensus) return tracked;
+  const LocalMap& map = *history_.map;
+  std::optional<Eigen::Isometry3d> T_curr_previous = matchWholeImage(referencePoints(map), curr);
+  // The consensus is accurate to a few pixels, so that the first round finds only some landmarks.
+  for (int round = 0; round < kRelocalizationRounds && T_curr_previous; ++round) {
+    tracked.landmark_matches =
+        map.find(curr, context_, map.T_map_previous() * T_curr_previous->inverse(), threads_);
+    tracked.motion = estimateMotion(map.correspondences(tracked.landmark_matches), context_.camera,
+                                    *T_curr_previous, parameters_.motion, threads_);
+    T_curr_previous =
+        tracked.motion.ok() ? std::make_optional(tracked.motion.T_curr_prev) : std::nullopt;
+  }
+  if (T_curr_previous && isPlaceRecognized(map, tracked.landmark_matches, tracked.motion)) {
+    const double dt_s = toSeconds(curr.stamp_ns - history_.previous->stamp_ns);
+    tracked.reason = reasonOf(tracked.motion, dt_s);
+  }
+  tracked.relocalized = tracked.reason == TrackingReason::kNone;
+  return tracked;
+}
+
+/// The estimate over two frames is independent of the frame-to-frame one: they run in parallel.
+TrackingResult FrameTracker::trackFrameToFrame(const StereoFrame& curr,
+                                               const Expectation& expected) const {
+  TrackingResult tracked;
+  const int few = parameters_.motion.min_matches;
+  if (static_cast<int>(curr.points.size() + curr.lines.size()) < few) {
+    tracked.reason = TrackingReason::kTooFewFeatures;
+    return tracked;
+  }
+  const Stages frame_to_frame{Stage::kMatchCircular, Stage::kEstimate};
+  MotionEstimate over_two_frames;
+  // A prior gives the rotation better than the motion over two frames does.
+  if (history_.before_previous && expected.prior == nullptr) {
+    threads_->run(2, [&](int task) {
+      if (task == 0) {
+        tracked = matchAndEstimate(*history_.previous, curr, expected, frame_to_frame, nullptr);
+      } else {
+        const MotionPrediction& prediction = expected.prediction;
+        const Expectation since_two_frames{
+            {prediction.T_curr_prev * history_.before_previous->T_previous_before,
+             prediction.radius_px},
+            nullptr};
+        over_two_frames = matchAndEstimate(history_.before_previous->frame, curr, since_two_frames,
+                                           {Stage::kTwoFrames, Stage::kTwoFrames}, nullptr)
+                              .frame_to_frame;
+      }
+    });
+  } else {
+    tracked = matchAndEstimate(*history_.previous, curr, expected, frame_to_frame, threads_);
+  }
+  tracked.motion = tracked.frame_to_frame;
+  if (tracked.frame_to_frame.ok() && over_two_frames.ok()) {
+    const StageTimer timer(times_, Stage::kFuse);
+    tracked.motion = tracked.frame_to_frame =
+        fuseRotation(tracked.frame_to_frame, over_two_frames.T_curr_prev,
+                     history_.before_previous->T_previous_before, tracked.correspondences,
+                     context_.camera, parameters_.motion, threads_);
+  }
+  tracked.reason = trackingReason(tracked.frame_to_frame.status);
+  return tracked;
+}
+
+/// Matches near the prediction, and where that finds few of the features in view, in the whole
+/// image.
+TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
+                                              const Expectation& expected, const Stages& stages,
+                                              ThreadPool* threads) const {
+  TrackingResult tracked = matchAndEstimateNear(earlier, curr, expected, stages, threads);
+  if (!parameters_.matching.wide_search) return tracked;
+  const double found =
+      shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame);
+  if (found >= kShareFound) return tracked;
+  const std::optional<Eigen::Isometry3d> T_curr_earlier =
+      matchWholeImage(referencePoints(earlier), curr);
+  if (!T_curr_earlier) return tracked;
+  const Expectation by_appearance{{*T_curr_earlier, parameters_.matching.search_radius_px},
+                                  expected.prior};
+  TrackingResult retried = matchAndEstimateNear(earlier, curr, by_appearance, stages, threads);
+  const double found_retried =
+      shareFound(earlier, context_.camera, retried.correspondences, retried.frame_to_frame);
+  if (found >= kShareOfScene && isPlausible(tracked.frame_to_frame, expected, earlier, curr) &&
+      !isPlausible(retried.frame_to_frame, expected, earlier, curr))
+    return tracked;
+  return found_retried > found ? retried : tracked;
+}
+
+/// RANSAC consensus of the points that match by appearance.
+std::optional<Eigen::Isometry3d> FrameTracker::matchWholeImage(const ReferencePoints& known,
+                                                               const StereoFrame& curr) const {
+  std::vector<PointCorrespondence> points;
+  for (const IndexPair& match :
+       matchPointsByAppearance(known.descriptors, curr, parameters_.matching)) {
+    const StereoPoint& now = curr.points[match.second];
+    points.push_back({pointObservation(curr.features.points_left[now.left].pixel, now.right_px, 1.0,
+                                       context_.correction),
+                      known.positions[match.first]});
+  }
+  const std::optional<MotionConsensus> consensus = findConsensus(points, context_.camera);
+  if (!consensus) return std::nullopt;
+  return consensus->T_curr_prev;
+}
+
+TrackingResult FrameTracker::matchAndEstimateNear(const StereoFrame& earlier,
+                                                  const StereoFrame& curr,
+                                                  const Expectation& expected, const Stages& stages,
+                                                  ThreadPool* threads) const {
+  const MotionPrediction& prediction = expected.prediction;
+  TrackingResult tracked;
+  {
+    const StageTimer timer(times_, stages.match);
+    tracked.matches =
+        matchCircular(earlier, curr, context_.camera, prediction, parameters_.matching, threads);
+    tracked.correspondences = makeCorrespondences(earlier, curr, tracked.matches,
+                                                  prediction.T_curr_prev, context_, threads);
+  }
+  const StageTimer timer(times_, stages.estimate);
+  tracked.frame_to_frame =
+      estimate(tracked.correspondences, expected, earlier, curr, threads, &tracked);
+  return tracked;
+}
+
+/// Projects the landmarks by the frame-to-frame motion, and estimates the motion against them.
+void FrameTracker::trackLocalMap(const StereoFrame& curr, const Expectation& expected,
+                                 TrackingResult* tracked) const {
+  const Eigen::Isometry3d& T_curr_previous = tracked->frame_to_frame.ok()
+                                                 ? tracked->frame_to_frame.T_curr_prev
+                                                 : expected.prediction.T_curr_prev;
+  tracked->landmark_matches = history_.map->find(
+      curr, context_, history_.map->T_map_previous() * T_curr_previous.inverse(), threads_);
+  Correspondences matches = history_.map->correspondences(tracked->landmark_matches);
+  const Correspondences& frame_to_frame = tracked->correspondences;
+  const auto size = [](const Correspondences& c) {
+    return static_cast<double>(c.points.size() + c.lines.size());
+  };
+  if (size(matches) < kFewMapMatches * size(frame_to_frame)) {
+    const MotionEstimate& motion = tracked->frame_to_frame;
+    appendMatches(frame_to_frame.points, motion, motion.point_inliers, &matches.points);
+    appendMatches(frame_to_frame.lines, motion, motion.line_inliers, &matches.lines);
+  }
+  const Expectation near{{T_curr_previous, expected.prediction.radius_px}, expected.prior};
+  const MotionEstimate motion =
+      estimate(matches, near, *history_.previous, curr, threads_, tracked);
+  if (motion.ok()) {
+    tracked->motion = motion;
+  } else {
+    tracked->landmark_matches.points.clear();
+    tracked->landmark_matches.lines.clear();
+  }
+}
+
+/// Only a prediction from a velocity distinguishes the camera's motion from that of moving objects.
+MotionEstimate FrameTracker::estimateByImages(const Correspondences& matches,
+                                              const Eigen::Isometry3d& T_curr_prev,
+                                              const StereoFrame& prev, const StereoFrame& curr,
+                                              ThreadPool* threads) const {
+  if (!velocity_)
+    return estimateMotion(matches, context_.camera, T_curr_prev, parameters_.motion, threads);
+  return estimateCameraMotion(matches, context_.camera, atVelocity(T_curr_prev, prev, curr),
+                              parameters_.motion, threads);
+}
+
+/// A prediction from the velocity, which must be known.
+ConstantVelocityMotion FrameTracker::atVelocity(const Eigen::Isometry3d& T_curr_prev,
+                                                const StereoFrame& prev,
+                                                const StereoFrame& curr) const {
+  const double dt_s = toSeconds(curr.stamp_ns - prev.stamp_ns);
+  return {T_curr_prev, dt_s * dt_s * velocity_->covariance, dt_s};
+}
+
+/// Whether a camera may move so after the predicted motion; false without a velocity.
+bool FrameTracker::isPlausible(const MotionEstimate& motion, const Expectation& expected,
+                               const StereoFrame& prev, const StereoFrame& curr) const {
+  if (!velocity_ || !parameters_.motion.solve_near_prediction) return false;
+  return point_line_odometry::isPlausible(motion,
+                                          atVelocity(expected.prediction.T_curr_prev, prev, curr));
+}
+
+/// By the images alone, and again with the prior unless the two disagree.
+MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expectation& expected,
+                                      const StereoFrame& prev, const StereoFrame& curr,
+                                      ThreadPool* threads, TrackingResult* tracked) const {
+  const Eigen::Isometry3d& T_curr_prev = expected.prediction.T_curr_prev;
+  MotionEstimate images = estimateByImages(matches, T_curr_prev, prev, curr, threads);
+  if (images.ok()) {
+    tracked->image_motion =
+        ImageMotion{prev.stamp_ns, images.T_curr_prev.inverse(), images.covariance};
+  }
+  if (expected.prior == nullptr) return images;
+  if (images.ok()) {
+    comparePrior(tracked);
+    if (tracked->prior.use == PriorUse::kRejected) return images;
+  }
+  MotionEstimate with_prior =
+      estimateWithPrior(images, PriorFactor(*expected.prior), matches, context_.camera, T_curr_prev,
+                        parameters_.motion, threads);
+  if (with_prior.ok()) tracked->prior.use = PriorUse::kUsed;
+  return with_prior;
+}
+
+/// Fuses the motion with the prediction by their covariances (Kalman update) if some axis is better
+/// constrained by the prediction; otherwise the prediction is not used. The prior is in the motion
+/// already: it is not counted twice.
+void FrameTracker::constrainWeakAxes(double dt_s, TrackingResult* tracked) const {
+  if (!parameters_.motion.predict_weak_axes || !tracked->motion.ok()) return;
+  const PredictedMotion expected = expectedMotion(velocity_, dt_s, parameters_.tracking, nullptr);
+  tracked->weak =
+      constrainByPrediction(expected.T_prev_curr, expected.covariance, &tracked->motion);
+}
+
+TrackingReason FrameTracker::reasonOf(const MotionEstimate& motion, double dt_s) const {
+  if (!motion.ok()) return trackingReason(motion.status);
+  const Vector6d velocity = velocityOfMotion(motion.T_curr_prev.inverse(), dt_s);
+  const bool too_fast =
+      velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
+      velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
+  return too_fast ? TrackingReason::kTooFast : TrackingReason::kNone;
+}
+
+MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                               const Parameters& parameters, const MotionPrior* prior) {
+  MotionPrediction prediction;
+  if (velocity || prior != nullptr)
+    prediction.T_curr_prev =
+        expectedMotion(velocity, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
+  prediction.radius_px = parameters.matching.search_radius_without_velocity_px;
+  if (velocity) {
+    const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
+    prediction.radius_px = widening * parameters.matching.search_radius_px;
+  }
+  return prediction;
+}
+
+}  // namespace point_line_odometry

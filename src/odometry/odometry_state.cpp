@@ -1,0 +1,148 @@
+#include "odometry/odometry_state.h"
+
+#include <utility>
+
+#include "map/new_landmarks.h"
+#include "odometry/stage_timer.h"
+
+namespace point_line_odometry {
+namespace {
+
+// The share of new features assumed without a map: between the 6 % of a drone and the 65 % of a car
+// whose frames are 4 m apart.
+constexpr double kShareOfNewWithoutMap = 0.35;
+
+/// Whether frame k-2 will be needed, for the fusion of rotations.
+bool fusesRotation(const Parameters& parameters) {
+  const std::string& when = parameters.motion.fuse_rotation;
+  return when == "always" || (when == "without_landmarks" && parameters.window.size == 0);
+}
+
+/// Whether a frame replaces the previous one. One without a motion does not at first: the next
+/// frame may again be matched with the previous one.
+bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
+                   const TrackingResult& tracked, const Parameters& parameters) {
+  if (!history.previous || tracked.reason == TrackingReason::kNone ||
+      tracked.reason == TrackingReason::kFrameGap) {
+    return true;
+  }
+  const bool outlived =
+      toSeconds(curr.stamp_ns - history.previous->stamp_ns) > parameters.tracking.max_prediction_s;
+  const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
+  return outlived && features >= parameters.motion.min_matches;
+}
+
+/// Of the features in the previous frame; nothing if its map has just been started.
+std::optional<double> shareOfNew(const std::optional<LocalMap>& map) {
+  if (!map) return kShareOfNewWithoutMap;
+  if (map->shareOfNew() == 1.0) return std::nullopt;
+  return map->shareOfNew();
+}
+
+}  // namespace
+
+bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters) {
+  return toSeconds(stamp_ns - lost.history.previous->stamp_ns) > parameters.relocalization_s;
+}
+
+void OdometryState::update(StereoFrame curr, const FrameContext& context,
+                           const TrackingResult& tracked, const FramePrior& prior,
+                           ThreadPool* threads, StageTimes* times) {
+  const Parameters& parameters = context.parameters;
+  const bool measured = tracked.reason == TrackingReason::kNone;
+  if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
+  if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
+  const double dt_s = stamp_ns ? toSeconds(curr.stamp_ns - *stamp_ns) : 0.0;
+  tracking =
+      pose.update(tracked, history, curr.stamp_ns, dt_s, parameters.tracking, prior.ofStep());
+  const bool agreed = PriorFactor::agrees(tracked.prior);
+  priors.update(prior, tracked.prior.axes > 0, agreed);
+  stamp_ns = curr.stamp_ns;
+  if (parameters.motion.adapt_noise && history.map && measured)
+    noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
+  // Small displacements are measurable with sub-pixels only.
+  const bool calibrates =
+      parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
+  if (calibrates) {
+    const StageTimer timer(times, Stage::kRefine);
+    stereo_calibration.addVerticalDisparities(verticalDisparities(curr),
+                                              parameters.motion.point_noise_px);
+  }
+  if (shouldReplace(history, curr, tracked, parameters)) {
+    const StageTimer timer(times, Stage::kUpdateMap);
+    updatePrevious(std::move(curr), context, tracked, threads);
+  }
+  if (calibrates && tracked.frame_to_frame.ok()) {
+    const StageTimer timer(times, Stage::kRefine);
+    stereo_calibration.addMotion(tracked.correspondences, tracked.frame_to_frame, parameters.motion,
+                                 shareOfNew(history.map));
+  }
+}
+
+void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,
+                                   const TrackingResult& tracked, ThreadPool* threads) {
+  history.before_previous.reset();
+  if (tracked.reason != TrackingReason::kNone) {
+    keepLostMap(context.parameters);
+    startMap(context.parameters);  // the motion since the old one is unknown
+    if (tracking != TrackingState::kDegraded) pose.resetVelocity();
+  } else {
+    if (fusesRotation(context.parameters)) {
+      history.before_previous =
+          FrameBeforePrevious{std::move(*history.previous), tracked.motion.T_curr_prev};
+    }
+    if (history.map) {
+      history.map->add(curr, context, tracked.landmark_matches, tracked.motion,
+                       landmarkCandidates(curr, tracked.matches, tracked.frame_to_frame), threads);
+    }
+  }
+  history.previous = std::move(curr);
+  pose.advance();
+}
+
+FramePrior OdometryState::prepare(const MotionPrior* prior, std::int64_t curr_stamp_ns) const {
+  std::optional<std::int64_t> previous_ns;
+  if (history.previous) previous_ns = history.previous->stamp_ns;
+  return priors.prepare(prior, stamp_ns, previous_ns, curr_stamp_ns);
+}
+
+std::optional<TrackingStart> OdometryState::trackingStart(std::int64_t curr_stamp_ns,
+                                                          const FramePrior& prior,
+                                                          const Parameters& parameters) const {
+  if (!history.previous) return std::nullopt;
+  const double dt_s = toSeconds(curr_stamp_ns - history.previous->stamp_ns);
+  return TrackingStart{*history.previous,
+                       predictMotion(pose.velocity(), dt_s, parameters, prior.ofMotion())};
+}
+
+/// Of two lost maps the one with more keyframes is kept.
+void OdometryState::keepLostMap(const Parameters& parameters) {
+  if (!history.previous || !history.map || parameters.tracking.relocalization_s == 0.0) return;
+  if (lost && lost->history.map->numKeyframes() > history.map->numKeyframes()) return;
+  lost = LostMap{std::exchange(history, FrameHistory()), pose.anchor(), 0};
+}
+
+void OdometryState::returnToLostMap() {
+  history = std::move(lost->history);
+  pose.returnTo(lost->anchor);
+  lost.reset();
+}
+
+void OdometryState::restartTracking() {
+  history = FrameHistory();
+  lost.reset();
+}
+
+void OdometryState::restartMap(const Parameters& parameters) {
+  lost.reset();
+  startMap(parameters);
+  pose.startMapAtPrevious();
+}
+
+void OdometryState::startMap(const Parameters& parameters) {
+  history.map.reset();
+  if (parameters.window.size > 0) history.map.emplace();
+  pose.startMap();
+}
+
+}  // namespace point_line_odometry

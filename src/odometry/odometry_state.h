@@ -1,0 +1,87 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+#include <tuple>
+
+#include "motion/noise_scale.h"
+#include "motion/online_stereo_calibration.h"
+#include "odometry/coarser_points.h"
+#include "odometry/frame_tracker.h"
+#include "odometry/odometry_pose.h"
+#include "odometry/prior_chain.h"
+#include "point_line_odometry/frame_result.h"
+#include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_camera.h"
+
+namespace point_line_odometry {
+
+/// A map in which tracking was lost: the camera may be relocalized in it.
+struct LostMap {
+  FrameHistory history;  ///< with a map
+  MapAnchor anchor;
+  std::int64_t tried_ns = 0;  ///< stamp of the last frame that was tried
+
+  auto state() {
+    auto& [history_of_this, anchor_of_this, tried] = *this;
+    return std::tie(history_of_this, anchor_of_this, tried);
+  }
+};
+
+/// Whether a lost map is older than tracking/relocalization_s.
+bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters);
+
+/// The state between frames. A value: it is copied, assigned and saved as a whole.
+struct OdometryState {
+  TrackingState tracking = TrackingState::kInitializing;
+  std::optional<std::int64_t> stamp_ns;  ///< of the last accepted frame
+  FrameHistory history;                  ///< previous frames and the map
+  std::optional<LostMap> lost;
+  OdometryPose pose;
+  OnlineStereoCalibration stereo_calibration;
+  NoiseScale noise;
+  PriorChain priors;
+  int failed_windows = 0;  ///< not yet reported by a frame
+
+  /// Before the first frame. \param camera of the images as they are processed.
+  explicit OdometryState(const StereoCamera& camera,
+                         const Eigen::Isometry3d& T_odom_camera = Eigen::Isometry3d::Identity())
+      : pose(T_odom_camera), stereo_calibration(camera) {}
+
+  /// Update by the tracking result of a frame: pose, noise, calibration, landmarks.
+  /// \param curr becomes the previous frame, if it can be. \param prior of its motion.
+  void update(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
+              const FramePrior& prior, ThreadPool* threads, StageTimes* times);
+
+  /// How the prior of a frame (null: none) may be used.
+  FramePrior prepare(const MotionPrior* prior, std::int64_t stamp_ns) const;
+
+  /// From where the points of a new frame are tracked; nothing without a previous frame.
+  std::optional<TrackingStart> trackingStart(std::int64_t curr_stamp_ns, const FramePrior& prior,
+                                             const Parameters& parameters) const;
+
+  /// Restores the lost map, in which the camera was relocalized.
+  void returnToLostMap();
+
+  /// The next frame is the first one of a new map; pose and calibration are kept.
+  void restartTracking();
+
+  /// Discards the landmarks; tracking continues from the previous frame.
+  void restartMap(const Parameters& parameters);
+
+  auto state() {
+    auto& [tracking_of_this, stamp, history_of_this, lost_of_this, pose_of_this, calibration,
+           noise_of_this, priors_of_this, failed] = *this;
+    return std::tie(tracking_of_this, stamp, history_of_this, lost_of_this, pose_of_this,
+                    calibration, noise_of_this, priors_of_this, failed);
+  }
+
+ private:
+  void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
+                      ThreadPool* threads);
+  void keepLostMap(const Parameters& parameters);
+  void startMap(const Parameters& parameters);
+};
+
+}  // namespace point_line_odometry

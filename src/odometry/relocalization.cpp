@@ -1,0 +1,68 @@
+#include "odometry/relocalization.h"
+
+#include <optional>
+#include <utility>
+
+namespace point_line_odometry {
+namespace {
+
+// Interval of relocalization in the lost map while the camera is tracked in another.
+constexpr double kRetry_s = 0.5;
+
+TrackingResult without(TrackingReason reason) {
+  TrackingResult nothing;
+  nothing.reason = reason;
+  return nothing;
+}
+
+TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& curr,
+                               const FramePrior& prior, const FrameContext& context, double dt_s,
+                               ThreadPool* threads, StageTimes* times) {
+  if (!state.history.previous) return without(TrackingReason::kFirstFrame);
+  const TrackingParameters& parameters = context.parameters.tracking;
+  const FrameTracker tracker(state.history, state.pose.velocity(), prior, context, threads, times);
+  const bool gap = dt_s > parameters.max_frame_gap_s;
+  TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
+  const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
+  if (!tracked.relocalized) return gap ? without(refused) : tracked;
+  const Eigen::Isometry3d T_odom_camera =
+      state.pose.anchor().T_odom_previous * tracked.motion.T_curr_prev.inverse();
+  const bool possible = state.pose.isReachable(T_odom_camera, curr.stamp_ns, dt_s, parameters);
+  return possible ? tracked : without(refused);
+}
+
+/// Nothing unless the camera is relocalized in the lost map.
+std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
+                                                  const StereoFrame& curr,
+                                                  const FrameContext& context, double dt_s,
+                                                  ThreadPool* threads, StageTimes* times) {
+  const LostMap& lost = *state.lost;
+  const std::optional<CameraVelocity> unknown;
+  const FramePrior none;
+  const FrameTracker tracker(lost.history, unknown, none, context, threads, times);
+  TrackingResult tracked = tracker.relocalize(curr);
+  if (!tracked.relocalized) return std::nullopt;
+  const Eigen::Isometry3d T_odom_camera =
+      lost.anchor.T_odom_previous * tracked.motion.T_curr_prev.inverse();
+  if (!state.pose.isReachable(T_odom_camera, curr.stamp_ns, dt_s, context.parameters.tracking))
+    return std::nullopt;
+  tracked.in_lost_map = true;
+  return tracked;
+}
+
+}  // namespace
+
+TrackingResult trackOrRelocalize(const OdometryState& state, const StereoFrame& curr,
+                                 const FramePrior& prior, const FrameContext& context, double dt_s,
+                                 ThreadPool* threads, StageTimes* times) {
+  TrackingResult tracked = trackCurrentMap(state, curr, prior, context, dt_s, threads, times);
+  if (tracked.relocalized || !state.lost) return tracked;
+  const bool measured = tracked.reason == TrackingReason::kNone;
+  if (measured && toSeconds(curr.stamp_ns - state.lost->tried_ns) < kRetry_s) return tracked;
+  if (isExpired(*state.lost, curr.stamp_ns, context.parameters.tracking)) return tracked;
+  if (auto found = relocalizeInLostMap(state, curr, context, dt_s, threads, times)) return *found;
+  tracked.tried_lost_map = true;
+  return tracked;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+
+#include "common/thread_pool.h"
+#include "features/stereo_feature_detector.h"
+#include "matching/stereo_frame.h"
+#include "motion/frame_context.h"
+#include "odometry/coarser_points.h"
+#include "point_line_odometry/frame_result.h"
+
+namespace point_line_odometry {
+
+/// Detects features in both images of a stereo pair, matches left with right and triangulates.
+/// Where the image has few points, coarser levels of the pyramid are used, too.
+/// \param start nothing without a previous frame. If that has points of coarser levels, the context
+/// and the frame get the levels in which they are aligned.
+StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
+                             const std::optional<TrackingStart>& start, FrameContext* context,
+                             ThreadPool* threads, StageTimes* times);
+
+}  // namespace point_line_odometry

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+#include "common/thread_pool.h"
+#include "matching/frame_matcher.h"
+#include "matching/index_pair.h"
+#include "matching/stereo_frame.h"
+#include "motion/frame_context.h"
+
+namespace point_line_odometry {
+
+/// Appends the points of stereo matches (left, right) to a frame: sub-pixel disparity
+/// (matching/refine_subpixel), position and covariance. Those that cannot be triangulated are left
+/// out.
+void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext& context,
+                       ThreadPool* threads, StereoFrame* frame);
+
+/// Fills the points and lines of a frame from its stereo matches; lines that cannot be triangulated
+/// remain without a position.
+void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
+                        ThreadPool* threads, StereoFrame* frame);
+
+}  // namespace point_line_odometry

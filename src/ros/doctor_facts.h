@@ -1,0 +1,68 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "matching/pair_check.h"
+#include "point_line_odometry/stereo_camera.h"
+#include "ros/doctor_imu.h"
+#include "ros/frame_messages.h"
+#include "ros/node_parameters.h"
+#include "ros/rim_agreement.h"
+#include "ros/stereo_input.h"
+
+namespace point_line_odometry {
+
+/// The latest image of one camera.
+struct ImageFacts {
+  std::string encoding;
+  int width = 0;      ///< [px]
+  int height = 0;     ///< [px]
+  std::string fault;  ///< why it cannot be used, with a hint; empty if it can
+};
+
+/// What is known of the masks in use.
+struct MaskFacts {
+  double left_share = 0.0;  ///< of the pixels, masked in the latest frame
+  double right_share = 0.0;
+  std::uint64_t frames = 0;
+  std::uint64_t missing = 0;  ///< masks of the topics, see FrameMasks
+  std::string fault;          ///< of the latest mask that could not be used
+  RimAgreement rim;
+
+  void add(const ProcessedFrame& frame);
+};
+
+/// Everything that the report is made from.
+struct DoctorFacts {
+  NodeParameters parameters;
+  InputFacts input;
+  bool from_bag = false;
+  std::vector<std::string> image_topics;  ///< available ones, if a topic is missing
+
+  /// True if use_sim_time is set and no /clock has been received.
+  bool clock_missing = false;
+
+  std::array<std::optional<ImageFacts>, 2> images;  ///< left, right; nothing: none received
+  std::optional<StereoCamera> camera;               ///< nothing: not known, or camera_info is bad
+  std::string calibration_fault;                    ///< with a hint; empty if there is none
+
+  std::optional<PairMeasurement> pair;      ///< nothing: not measured yet
+  std::optional<double> vertical_drift_px;  ///< of row_offset_px since the start
+
+  std::string camera_frame;  ///< of the left image's header
+  std::optional<Eigen::Isometry3d> T_base_camera;
+
+  std::optional<MaskFacts> masks;  ///< nothing: no frame processed yet
+  std::string mask_fault;          ///< of the files, with a hint; empty if there is none
+
+  std::optional<ImuCheckFacts> imu;  ///< nothing: there is none to be checked
+
+  std::optional<double> frame_ms;  ///< median time for a frame on this computer
+};
+
+}  // namespace point_line_odometry

@@ -1,0 +1,78 @@
+#include "ros/side_by_side_nodelet.h"
+
+#include <image_transport/image_transport.h>
+
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
+
+#include "ros/side_by_side.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr int kQueueSize = 5;
+constexpr double kReportPeriod_s = 5.0;
+
+}  // namespace
+
+void SideBySideNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s does not start: %s", getName().c_str(), error.what());
+    throw;
+  }
+}
+
+void SideBySideNodelet::start() {
+  ros::NodeHandle& nh = getNodeHandle();
+  ros::NodeHandle& own = getPrivateNodeHandle();
+  image_transport::ImageTransport transport(nh);
+  own.param("swap", swap_, false);
+  const std::array<std::string, 2> names{"left", "right"};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    Side& side = sides_[i];
+    const std::string file = own.param<std::string>(names[i] + "_calibration", "");
+    side.frame = own.param<std::string>(names[i] + "_frame_id", "");
+    side.images = transport.advertise(names[i] + "/image_raw", kQueueSize);
+    if (file.empty()) continue;
+    side.info = readCameraInfo(file);
+    side.infos = nh.advertise<sensor_msgs::CameraInfo>(names[i] + "/camera_info", kQueueSize);
+  }
+  const image_transport::TransportHints hints(own.param<std::string>("image_transport", "raw"),
+                                              ros::TransportHints(), own);
+  subscriber_ = transport.subscribe("image_raw", kQueueSize, &SideBySideNodelet::take, this, hints);
+}
+
+/// An exception that left this callback would end every nodelet of the manager.
+void SideBySideNodelet::take(const sensor_msgs::ImageConstPtr& image) {
+  try {
+    const std::array<sensor_msgs::ImagePtr, 2> halves = cutInTwo(*image);
+    publish(sides_[0], halves[swap_ ? 1 : 0]);
+    publish(sides_[1], halves[swap_ ? 0 : 1]);
+  } catch (const std::exception& error) {
+    NODELET_ERROR_THROTTLE(kReportPeriod_s, "message rejected: %s", error.what());
+  }
+}
+
+void SideBySideNodelet::publish(const Side& side, const sensor_msgs::ImagePtr& half) const {
+  if (!side.frame.empty()) half->header.frame_id = side.frame;
+  if (side.info) {
+    if (side.info->width != half->width || side.info->height != half->height) {
+      throw MessageError("a half of the image is " + std::to_string(half->width) + " x " +
+                         std::to_string(half->height) + ", the calibration is of " +
+                         std::to_string(side.info->width) + " x " +
+                         std::to_string(side.info->height) +
+                         ": set the driver to the size that was calibrated");
+    }
+    const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*side.info);
+    info->header = half->header;
+    side.infos.publish(info);
+  }
+  side.images.publish(half);
+}
+
+}  // namespace point_line_odometry
+
+PLUGINLIB_EXPORT_CLASS(point_line_odometry::SideBySideNodelet, nodelet::Nodelet)

@@ -1,0 +1,180 @@
+#include "tools/offline_run.h"
+
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include "common/input_error.h"
+#include "geometry/se3.h"
+#include "point_line_odometry/feature_overlay.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double elapsedMs(Clock::time_point since) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
+}
+
+}  // namespace
+
+OfflineRun::OfflineRun(StereoSource& source, const Parameters& parameters, RecordingReplay* replay)
+    : source_(source),
+      odometry_(rectifiedCamera(source.calibration()), parameters),
+      replay_(replay),
+      parameters_(parameters) {
+  if (source.needsRectification()) {
+    rectifier_ = std::make_unique<StereoRectifier>(source.calibration());
+  }
+  if (parameters.imu.enabled && replay == nullptr) startImu();
+  if (replay == nullptr) startWheels();
+}
+
+void OfflineRun::startImu() {
+  imu_ = source_.imu();
+  if (!imu_ || imu_->samples.empty()) {
+    throw InputError(
+        "imu/enabled is true, but the input has no samples of an IMU: set it to false");
+  }
+  Eigen::Isometry3d T_camera_imu = imu_->T_imu_camera.inverse();
+  if (rectifier_) T_camera_imu.prerotate(rectifier_->R_rectified_raw());
+  gyroscope_.emplace(parameters_.imu, T_camera_imu.linear());
+  if (parameters_.imu.use_gravity) gravity_.emplace(parameters_.imu, T_camera_imu);
+}
+
+void OfflineRun::startWheels() {
+  const Eigen::Isometry3d T_input_rectified = T_rectified_input().inverse();
+  if (parameters_.planar.enabled) T_base_camera_ = source_.T_base_camera() * T_input_rectified;
+  if (!parameters_.wheels.enabled) return;
+  std::optional<WheelData> data = source_.wheels();
+  if (!data) {
+    throw InputError(
+        "wheels/enabled is true, but the input has no odometry of wheels: set it to false, or name "
+        "a bag's topic by --wheel-topic");
+  }
+  wheels_.emplace(parameters_, data->T_body_camera * T_input_rectified);
+  wheel_samples_ = std::move(data->samples);
+}
+
+/// Of the camera before rectification.
+Eigen::Isometry3d OfflineRun::T_rectified_input() const {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  if (rectifier_) T.linear() = rectifier_->R_rectified_raw();
+  return T;
+}
+
+/// The prior of the motion until a frame: of a recording, of a file, or as measured.
+std::optional<MotionPrior> OfflineRun::priorOf(std::int64_t stamp_ns) {
+  if (replay_ != nullptr) return replay_->priorOf(stamp_ns);
+  const auto given = priors_.find(stamp_ns);
+  if (given != priors_.end()) {
+    MotionPrior prior = given->second;
+    if (rectifier_) {
+      const Matrix6d turn = blockRotation(rectifier_->R_rectified_raw());
+      const Eigen::Isometry3d T_rectified_raw = T_rectified_input();
+      prior.T_prev_curr = T_rectified_raw * prior.T_prev_curr * T_rectified_raw.inverse();
+      prior.information = turn * prior.information * turn.transpose();
+    }
+    return prior;
+  }
+  return measuredPrior(stamp_ns);
+}
+
+/// By gyroscope, wheels and floor.
+std::optional<MotionPrior> OfflineRun::measuredPrior(std::int64_t stamp_ns) {
+  while (gyroscope_ && next_sample_ < imu_->samples.size() && !gyroscope_->covers(stamp_ns))
+    gyroscope_->add(imu_->samples[next_sample_++]);
+  while (wheels_ && next_wheel_sample_ < wheel_samples_.size() && !wheels_->covers(stamp_ns))
+    wheels_->add(wheel_samples_[next_wheel_sample_++]);
+  if (!last_ns_ || stamp_ns <= *last_ns_) return std::nullopt;
+  std::vector<MotionPrior> priors;
+  const auto add = [&](const std::optional<MotionPrior>& prior) {
+    if (prior) priors.push_back(*prior);
+  };
+  if (gyroscope_) add(gyroscope_->between(*last_ns_, stamp_ns));
+  if (wheels_) add(wheels_->between(*last_ns_, stamp_ns));
+  if (parameters_.planar.enabled)
+    add(planarPrior(parameters_.planar, T_base_camera_, *last_ns_, stamp_ns));
+  return fused(priors);
+}
+
+std::optional<GravityCalibration> OfflineRun::gravity() const {
+  if (!gravity_) return std::nullopt;
+  return gravity_->calibration();
+}
+
+std::optional<GyroscopeCalibration> OfflineRun::gyroscope() const {
+  if (!gyroscope_) return std::nullopt;
+  return gyroscope_->calibration();
+}
+
+void OfflineRun::setTargetFrameTime(double target_ms) {
+  budget_ = AdaptiveFeatureBudget(target_ms);
+}
+
+bool OfflineRun::step() {
+  const Clock::time_point begin = Clock::now();
+  std::optional<StereoImages> images = source_.next();
+  if (!images) return false;
+  const double decode_ms = elapsedMs(begin);
+  const Clock::time_point decoded = Clock::now();
+  if (rectifier_) images = rectifier_->rectify(*images);
+  const double rectify_ms = rectifier_ ? elapsedMs(decoded) : 0.0;
+  left_ = images->left;
+  left_mask_ = images->left_mask;
+  if (replay_ != nullptr) replay_->prepare(images->stamp_ns, &odometry_);
+  const std::optional<MotionPrior> prior = priorOf(images->stamp_ns);
+  if (gravity_) {
+    if (const auto tilt = gravity_->takeCorrection()) odometry_.correctTilt(*tilt);
+  }
+  result_ = odometry_.process(*images, prior ? &*prior : nullptr);
+  if (gyroscope_) gyroscope_->learn(result_);
+  if (gravity_) gravity_->learn(result_, *gyroscope_);
+  if (wheels_) wheels_->learn(result_);
+  if (result_.accepted()) last_ns_ = images->stamp_ns;
+  if (replay_ != nullptr) replay_->compare(result_);
+  rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},
+                   result_.state,
+                   result_.reason,
+                   result_.counts,
+                   result_.rms_px,
+                   result_.times,
+                   decode_ms,
+                   rectify_ms,
+                   budget_.budget(),
+                   uncertaintyOfInputCamera(result_),
+                   result_.prior});
+  point_residuals_.add(result_.point_residuals);
+  line_residuals_.add(result_.line_residuals);
+  adaptBudget(rectify_ms + result_.times.total_ms);
+  return true;
+}
+
+void OfflineRun::adaptBudget(double frame_ms) {
+  const double before = budget_.budget();
+  if (result_.accepted() && budget_.addFrame(frame_ms) != before)
+    odometry_.setParameters(withFeatureBudget(parameters_, budget_.budget()));
+}
+
+cv::Mat OfflineRun::draw() const { return drawFeatures(left_, result_, left_mask_); }
+
+Eigen::Isometry3d OfflineRun::poseOfInputCamera(const Eigen::Isometry3d& T_odom_rectified) const {
+  if (!rectifier_) return T_odom_rectified;
+  const Eigen::Isometry3d T_rectified_raw = T_rectified_input();
+  if (replay_ != nullptr) return T_odom_rectified * T_rectified_raw;
+  return T_rectified_raw.inverse() * T_odom_rectified * T_rectified_raw;
+}
+
+FrameUncertainty OfflineRun::uncertaintyOfInputCamera(const FrameResult& result) const {
+  FrameUncertainty u{result.pose_covariance, result.twist, result.twist_covariance,
+                     result.twist_over_s};
+  if (!rectifier_) return u;
+  const Matrix6d turn = blockRotation(rectifier_->R_rectified_raw().transpose());
+  u.twist = turn * u.twist;
+  u.twist_covariance = turn * u.twist_covariance * turn.transpose();
+  if (replay_ == nullptr) u.pose_covariance = turn * u.pose_covariance * turn.transpose();
+  return u;
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,119 @@
+#include "tools/output_folder.h"
+
+#include <fstream>
+
+#include "common/input_error.h"
+
+namespace point_line_odometry {
+
+OutputFolder::OutputFolder(const std::string& folder) : folder_(folder) {
+  std::error_code error;
+  made_ = std::filesystem::create_directories(folder_, error);
+  if (error) {
+    throw InputError("output folder '" + folder + "' cannot be made (" + error.message() +
+                     "): give a folder that you may write to");
+  }
+}
+
+OutputFolder::~OutputFolder() {
+  std::error_code ignored;
+  for (const std::string& name : names_) std::filesystem::remove_all(temporary(name), ignored);
+  if (made_ && !committed_) std::filesystem::remove(folder_, ignored);
+}
+
+void OutputFolder::reserve(const std::string& name) {
+  names_.push_back(name);
+  if (!std::ofstream(temporary(name))) refuse(name);
+}
+
+void OutputFolder::write(const std::string& name, const std::string& content) const {
+  std::ofstream out(temporary(name), std::ios::binary);
+  out << content;
+  out.close();
+  if (!out) refuse(name);
+}
+
+std::filesystem::path OutputFolder::makeFolder(const std::string& name) {
+  names_.push_back(name);
+  std::error_code error;
+  std::filesystem::remove_all(temporary(name), error);
+  std::filesystem::create_directory(temporary(name), error);
+  if (error) refuse(name);
+  return temporary(name);
+}
+
+void OutputFolder::commit() {
+  for (const std::string& name : discarded_) {
+    std::error_code ignored;
+    std::filesystem::remove(folder_ / name, ignored);
+  }
+  for (const std::string& name : names_) {
+    std::error_code error;
+    if (std::filesystem::is_directory(temporary(name))) {
+      std::filesystem::remove_all(folder_ / name, error);
+    }
+    std::filesystem::rename(temporary(name), folder_ / name, error);
+    if (error) refuse(name);
+  }
+  committed_ = true;
+}
+
+std::filesystem::path OutputFolder::temporary(const std::string& name) const {
+  return folder_ / (name + ".part");
+}
+
+void OutputFolder::refuse(const std::string& name) const {
+  throw InputError("'" + (folder_ / name).string() +
+                   "' cannot be written: give a folder that you may write to, with room on disk");
+}
+
+NewFolder::NewFolder(const std::string& folder, const std::string& marker, const std::string& mark)
+    : folder_(withoutSlash(folder)), part_(folder_.string() + ".part"), marker_(marker) {
+  std::error_code error;
+  requireOwn(folder_);
+  requireOwn(part_);
+  std::filesystem::remove_all(part_, error);
+  std::filesystem::create_directories(part_, error);
+  std::ofstream out(part_ / marker_, std::ios::binary);
+  out << mark;
+  out.close();
+  if (out) return;
+  std::filesystem::remove_all(part_, error);
+  refuse();
+}
+
+NewFolder::~NewFolder() {
+  std::error_code ignored;
+  if (!committed_) std::filesystem::remove_all(part_, ignored);
+}
+
+void NewFolder::commit() {
+  std::error_code error;
+  const std::filesystem::path older = part_ / ".replaced";
+  if (std::filesystem::exists(folder_)) std::filesystem::rename(folder_, older, error);
+  if (!error) std::filesystem::rename(part_, folder_, error);
+  if (error) refuse();
+  committed_ = true;
+  std::filesystem::remove_all(folder_ / ".replaced", error);
+}
+
+std::filesystem::path NewFolder::withoutSlash(const std::string& folder) {
+  const std::filesystem::path path = std::filesystem::absolute(folder).lexically_normal();
+  return path.has_filename() ? path : path.parent_path();
+}
+
+void NewFolder::requireOwn(const std::filesystem::path& folder) const {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::exists(folder, error) || fs::exists(folder / marker_, error)) return;
+  if (fs::is_directory(folder, error) && fs::is_empty(folder, error)) return;
+  throw InputError("'" + folder.string() + "' exists already and was not written by this " +
+                   "program: give another name, or remove it");
+}
+
+void NewFolder::refuse() const {
+  throw InputError("folder '" + folder_.string() +
+                   "' cannot be written: give a folder that you may write to, with room on disk");
+}
+
+}  // namespace point_line_odometry

@@ -1,0 +1,141 @@
+#include "odometry/adaptive_feature_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+namespace point_line_odometry {
+namespace {
+
+/// Time of a frame [ms] as a function of the budget.
+using Computer = std::function<double(double budget)>;
+
+/// A frame's fixed time and the part proportional to the features [ms].
+Computer computer(double fixed_ms, double features_ms) {
+  return [=](double budget) { return fixed_ms + features_ms * budget; };
+}
+
+/// The budgets after each of the next frames.
+std::vector<double> run(const Computer& frame_ms, int frames, AdaptiveFeatureBudget* budget) {
+  std::vector<double> budgets;
+  for (int k = 0; k < frames; ++k) budgets.push_back(budget->addFrame(frame_ms(budget->budget())));
+  return budgets;
+}
+
+int countChanges(const std::vector<double>& budgets) {
+  int changes = 0;
+  for (std::size_t i = 1; i < budgets.size(); ++i) changes += budgets[i] != budgets[i - 1] ? 1 : 0;
+  return changes;
+}
+
+TEST(AdaptiveFeatureBudget, StaysAtOneOnAFastComputer) {
+  AdaptiveFeatureBudget budget(50.0);
+  for (const double budget : run(computer(10.0, 20.0), 100, &budget)) EXPECT_EQ(budget, 1.0);
+}
+
+TEST(AdaptiveFeatureBudget, ReachesTheTarget) {
+  const Computer slow = computer(10.0, 60.0);
+  AdaptiveFeatureBudget budget(40.0);
+  run(slow, 30, &budget);
+  EXPECT_LE(slow(budget.budget()), 40.0);
+  EXPECT_GE(slow(budget.budget()), 0.9 * 40.0) << "no lower than necessary";
+}
+
+TEST(AdaptiveFeatureBudget, DoesNotOscillateAroundTheTarget) {
+  for (const double features_ms : {35.0, 60.0, 100.0, 300.0}) {
+    const Computer slow = computer(10.0, features_ms);
+    AdaptiveFeatureBudget budget(40.0);
+    run(slow, 200, &budget);
+    EXPECT_EQ(countChanges(run(slow, 200, &budget)), 0) << features_ms;
+  }
+}
+
+TEST(AdaptiveFeatureBudget, IgnoresNoiseOfTheTimes) {
+  std::mt19937 random(1);
+  const Computer noisy = [&random](double budget) {
+    const double share = std::uniform_real_distribution<double>(0.9, 1.1)(random);
+    const bool slow = std::uniform_int_distribution<int>(0, 19)(random) == 0;
+    return (10.0 + 60.0 * budget) * share * (slow ? 2.0 : 1.0);
+  };
+  AdaptiveFeatureBudget budget(40.0);
+  run(noisy, 100, &budget);
+  int over = 0;
+  for (const double budget : run(noisy, 1000, &budget)) {
+    EXPECT_GT(budget, 0.3);
+    over += 10.0 + 60.0 * budget > 1.1 * 40.0 ? 1 : 0;
+  }
+  EXPECT_LT(over, 20) << "of 1000 frames";
+}
+
+TEST(AdaptiveFeatureBudget, OneSlowFrameChangesNothing) {
+  AdaptiveFeatureBudget budget(40.0);
+  for (int k = 0; k < 100; ++k)
+    EXPECT_EQ(budget.addFrame(k % AdaptiveFeatureBudget::kFramesPerDecision == 2 ? 500.0 : 30.0),
+              1.0);
+}
+
+TEST(AdaptiveFeatureBudget, RespondsToAnOverloadWithinASecondOfFrames) {
+  AdaptiveFeatureBudget budget(40.0);
+  run(computer(5.0, 30.0), 50, &budget);
+  const Computer overloaded = computer(15.0, 90.0);
+  run(overloaded, 20, &budget);
+  EXPECT_LE(overloaded(budget.budget()), 40.0);
+}
+
+TEST(AdaptiveFeatureBudget, RecoversAfterAnOverload) {
+  AdaptiveFeatureBudget budget(40.0);
+  run(computer(10.0, 500.0), 50, &budget);
+  EXPECT_EQ(budget.budget(), AdaptiveFeatureBudget::kMinBudget);
+  const std::vector<double> budgets = run(computer(5.0, 20.0), 200, &budget);
+  EXPECT_EQ(budgets.back(), 1.0);
+  for (std::size_t i = 1; i < budgets.size(); ++i)
+    EXPECT_LE(budgets[i], 1.2501 * budgets[i - 1]) << "in small steps";
+}
+
+TEST(AdaptiveFeatureBudget, NeverFallsBelowTheMinimum) {
+  AdaptiveFeatureBudget budget(1.0);
+  for (const double budget : run(computer(1000.0, 1000.0), 500, &budget)) {
+    EXPECT_GE(budget, AdaptiveFeatureBudget::kMinBudget);
+    EXPECT_LE(budget, 1.0);
+  }
+  EXPECT_EQ(budget.budget(), AdaptiveFeatureBudget::kMinBudget);
+}
+
+TEST(AdaptiveFeatureBudget, ZeroDisablesIt) {
+  AdaptiveFeatureBudget budget(0.0);
+  for (const double budget : run(computer(1e6, 1e6), 100, &budget)) EXPECT_EQ(budget, 1.0);
+}
+
+TEST(AdaptiveFeatureBudget, IgnoresInvalidTimes) {
+  AdaptiveFeatureBudget budget(40.0);
+  for (int k = 0; k < 100; ++k) {
+    EXPECT_EQ(budget.addFrame(std::nan("")), 1.0);
+    EXPECT_EQ(budget.addFrame(std::numeric_limits<double>::infinity()), 1.0);
+    EXPECT_EQ(budget.addFrame(-100.0), 1.0);
+  }
+  EXPECT_THROW(AdaptiveFeatureBudget(-1.0), std::invalid_argument);
+  EXPECT_THROW(AdaptiveFeatureBudget(std::nan("")), std::invalid_argument);
+}
+
+TEST(WithFeatureBudget, ScalesTheNumbersOfFeaturesAndTheWeakestEdge) {
+  Parameters parameters;
+  parameters.points.max_per_cell = 20;
+  parameters.lines.max_count = 300;
+  parameters.lines.min_gradient = 5.0;
+  const ParameterTexts changed = changedParameters(parameters, withFeatureBudget(parameters, 0.25));
+  const ParameterTexts expected{
+      {"points/max_per_cell", "5"}, {"lines/max_count", "75"}, {"lines/min_gradient", "20"}};
+  EXPECT_EQ(changed, expected);
+  EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, 1.0)).empty());
+  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, 1e-6)).empty()) << "at least one";
+  parameters.lines.min_gradient = 200.0;
+  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, 0.2)).empty()) << "at most the largest";
+}
+
+}  // namespace
+}  // namespace point_line_odometry

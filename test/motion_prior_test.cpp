@@ -1,0 +1,171 @@
+/// Motion priors in the odometry: what they add, what carries the pose without images, and what
+/// becomes of wrong ones.
+
+#include "point_line_odometry/motion_prior.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "geometry/se3.h"
+#include "point_line_odometry/stereo_odometry.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using synthetic::kPeriodNs;
+using synthetic::truePose;
+
+constexpr int kFrames = 24;
+
+std::int64_t stampOf(int k) { return (k + 1) * kPeriodNs; }
+
+/// The true rotation from frame k-1 to k.
+MotionPrior trueRotation(int k, double sigma_rad) {
+  MotionPrior prior;
+  prior.from_ns = stampOf(k - 1);
+  prior.to_ns = stampOf(k);
+  prior.T_prev_curr.linear() = truePose(k - 1).linear().transpose() * truePose(k).linear();
+  prior.information.diagonal().tail<3>().setConstant(1.0 / (sigma_rad * sigma_rad));
+  return prior;
+}
+
+using PriorOf = std::function<std::optional<MotionPrior>(int)>;
+std::optional<MotionPrior> none(int) { return std::nullopt; }
+
+/// The room is left in the dark from frame `dark` to `light`.
+struct Dark {
+  int begin = kFrames;
+  int end = kFrames;
+};
+
+StereoImages images(int k, const Dark& dark) {
+  return k >= dark.begin && k < dark.end ? synthetic::black(stampOf(k)) : synthetic::drive(k);
+}
+
+std::vector<FrameResult> run(const PriorOf& prior_of, const Dark& dark = {},
+                             const Parameters& parameters = {}) {
+  StereoOdometry odometry(synthetic::roomCamera(), parameters);
+  std::vector<FrameResult> results;
+  for (int k = 0; k < kFrames; ++k) {
+    const std::optional<MotionPrior> prior = k > 0 ? prior_of(k) : std::nullopt;
+    results.push_back(odometry.process(images(k, dark), prior ? &*prior : nullptr));
+  }
+  return results;
+}
+
+double angleTo(const FrameResult& result, int k) {
+  return rotationAngle(result.T_odom_camera.linear().transpose() * truePose(k).linear());
+}
+
+void expectSamePoses(const std::vector<FrameResult>& a, const std::vector<FrameResult>& b) {
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    EXPECT_EQ(a[k].T_odom_camera.matrix(), b[k].T_odom_camera.matrix()) << k;
+    EXPECT_EQ(a[k].state, b[k].state) << k;
+  }
+}
+
+TEST(MotionPriors, AreUsedAndMakeTheMotionMoreCertain) {
+  const std::vector<FrameResult> without = run(none);
+  const std::vector<FrameResult> with = run([](int k) { return trueRotation(k, 1e-5); });
+  for (int k = 1; k < kFrames; ++k) {
+    EXPECT_EQ(without[k].prior.use, PriorUse::kNone);
+    EXPECT_EQ(with[k].prior.use, PriorUse::kUsed) << k << " " << with[k].prior.chi_square;
+    EXPECT_EQ(with[k].prior.axes, 3);
+    EXPECT_EQ(with[k].state, TrackingState::kOk);
+    ASSERT_TRUE(with[k].image_motion);
+    EXPECT_EQ(with[k].image_motion->from_ns, stampOf(k - 1));
+    EXPECT_LT(with[k].twist_covariance.diagonal().tail<3>().sum(),
+              with[k].image_motion->covariance.diagonal().tail<3>().sum() / 0.01);
+  }
+  EXPECT_LT(angleTo(with.back(), kFrames - 1), angleTo(without.back(), kFrames - 1) + 1e-4);
+}
+
+/// By 5 degrees in each frame, which the images show.
+TEST(MotionPriors, WrongOnesAreRejectedAndChangeNothing) {
+  const auto wrong = [](int k) {
+    MotionPrior prior = trueRotation(k, 1e-4);
+    prior.T_prev_curr.linear() = prior.T_prev_curr.linear() * expSO3({0.0, 0.09, 0.0});
+    return prior;
+  };
+  const std::vector<FrameResult> without = run(none);
+  const std::vector<FrameResult> always = run(wrong);
+  expectSamePoses(without, always);
+  for (int k = 1; k <= 3; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kRejected) << k;
+  for (int k = 4; k < kFrames; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kSuspended) << k;
+  for (int k = 1; k < kFrames; ++k) EXPECT_GT(always[k].prior.chi_square, 100.0);
+  // Each time again after good ones: rejected, not yet suspended.
+  const std::vector<FrameResult> sometimes =
+      run([&](int k) { return k % 8 == 0 ? wrong(k) : trueRotation(k, 1e-4); });
+  for (int k = 8; k < kFrames; k += 8) EXPECT_EQ(sometimes[k].prior.use, PriorUse::kRejected);
+  EXPECT_EQ(sometimes.back().prior.use, PriorUse::kUsed);
+}
+
+TEST(MotionPriors, WhatIsNoPriorIsReportedAndChangesNothing) {
+  const std::vector<std::function<void(MotionPrior*)>> faults{
+      [](MotionPrior* p) { p->from_ns -= kPeriodNs; }, [](MotionPrior* p) { p->to_ns += 1; },
+      [](MotionPrior* p) { p->information(3, 3) = -1e4; },
+      [](MotionPrior* p) { p->T_prev_curr(0, 0) = std::numeric_limits<double>::quiet_NaN(); },
+      [](MotionPrior* p) { p->information(0, 5) = std::numeric_limits<double>::infinity(); }};
+  const std::vector<FrameResult> without = run(none);
+  const std::vector<FrameResult> with = run([&](int k) {
+    MotionPrior prior = trueRotation(k, 1e-4);
+    faults[static_cast<std::size_t>(k) % faults.size()](&prior);
+    return prior;
+  });
+  expectSamePoses(without, with);
+  for (int k = 1; k < kFrames; ++k) EXPECT_EQ(with[k].prior.use, PriorUse::kInvalid) << k;
+}
+
+/// 1.4 s in the dark: without a prior the camera is LOST after half a second.
+TEST(MotionPriors, CarryThePoseWithoutImages) {
+  const Dark dark{6, 20};
+  const std::vector<FrameResult> without = run(none, dark);
+  const std::vector<FrameResult> with = run([](int k) { return trueRotation(k, 1e-4); }, dark);
+  EXPECT_EQ(without[19].state, TrackingState::kLost);
+  for (int k = 6; k < 20; ++k) {
+    EXPECT_EQ(with[k].prior.use, PriorUse::kCarried) << k;
+    EXPECT_EQ(with[k].state, TrackingState::kDegraded) << k;
+    EXPECT_TRUE(with[k].pose_covariance.allFinite());
+  }
+  EXPECT_LT(angleTo(with[19], 19), 0.01);
+  EXPECT_GT(angleTo(without[19], 19), 0.1);
+  const auto error_m = [](const std::vector<FrameResult>& results, int k) {
+    return (results[k].T_odom_camera.translation() - truePose(k).translation()).norm();
+  };
+  EXPECT_LT(error_m(with, 19), 0.25 * error_m(without, 19));
+  Parameters shorter;
+  shorter.tracking.max_prior_prediction_s = 0.6;
+  EXPECT_EQ(run([](int k) { return trueRotation(k, 1e-4); }, dark, shorter)[19].state,
+            TrackingState::kLost);
+}
+
+TEST(MotionPriors, AreInTheSavedState) {
+  const Dark dark{6, 9};  // priors of dark frames are composed until the images match again
+  const auto prior_of = [](int k) { return trueRotation(k, 1e-4); };
+  const std::vector<FrameResult> expected = run(prior_of, dark);
+  for (const int saved : {7, 9, 12}) {
+    StereoOdometry first(synthetic::roomCamera(), {});
+    for (int k = 0; k < saved; ++k) {
+      const MotionPrior prior = prior_of(k);
+      first.process(images(k, dark), k > 0 ? &prior : nullptr);
+    }
+    StereoOdometry second(synthetic::roomCamera(), {});
+    second.restoreState(first.saveState());
+    for (int k = saved; k < kFrames; ++k) {
+      const MotionPrior prior = prior_of(k);
+      const FrameResult result = second.process(images(k, dark), &prior);
+      EXPECT_EQ(result.T_odom_camera.matrix(), expected[k].T_odom_camera.matrix()) << k;
+      EXPECT_EQ(result.prior.chi_square, expected[k].prior.chi_square) << k;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace point_line_odometry

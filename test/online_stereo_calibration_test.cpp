@@ -1,0 +1,249 @@
+
+#include "motion/online_stereo_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "motion/correspondence.h"
+#include "motion/motion_estimator.h"
+#include "point_line_odometry/stereo_correction.h"
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kSigmaPx = 0.2;
+
+/// The pixel in a right camera with an error of a pixel in a correct one.
+Vector2d distorted(const StereoCorrection& error, const Vector2d& right_px) {
+  const StereoCorrection::Coefficients terms = error.terms(right_px);
+  return right_px + Vector2d(error.u.dot(terms), error.v.dot(terms));
+}
+
+/// Frames of a camera whose right image has a known error, calibrated as by the odometry.
+class DistortedDrive {
+ public:
+  explicit DistortedDrive(unsigned seed) : random_(seed) {}
+
+  /// The vertical disparities of one frame's stereo matches.
+  void addVerticalDisparities() {
+    std::vector<OnlineStereoCalibration::VerticalDisparity> samples;
+    for (int i = 0; i < 200; ++i) {
+      const Vector3d p = synthetic::visiblePoint(camera, &random_);
+      const Vector2d seen = distorted(error, camera.projectRight(p)) + noise();
+      samples.push_back({seen, seen.y() - (camera.projectLeft(p) + noise()).y()});
+    }
+    calibration.addVerticalDisparities(samples, kSigmaPx);
+  }
+
+  /// A frame's motion, estimated with the correction so far.
+  void addMotion(const std::optional<double>& share_of_new = 1.0) {
+    const Vector3d translation{random_.uniform(-0.1, 0.1), random_.uniform(-0.1, 0.1),
+                               random_.uniform(-1.2, -0.6)};
+    const Vector3d rotation{random_.uniform(-0.02, 0.02), random_.uniform(-0.05, 0.05),
+                            random_.uniform(-0.02, 0.02)};
+    const Isometry3d ground_truth = synthetic::transform(rotation, translation);
+    const auto corrected = [&](const Vector3d& p) {
+      return calibration.correction().apply(distorted(error, camera.projectRight(p)) + noise());
+    };
+    Correspondences matches;
+    for (int i = 0; i < 200; ++i) {
+      const Vector3d p = synthetic::visiblePoint(camera, &random_);
+      const auto triangulated = triangulatePoint(camera, camera.projectLeft(p) + noise(),
+                                                 corrected(p).x(), kSigmaPx, 0.1);
+      if (!triangulated || (ground_truth * p).z() < 1.0) continue;
+      PointCorrespondence match;
+      match.p_prev = triangulated->p_camera;
+      match.covariance = triangulated->covariance;
+      match.left_px = camera.projectLeft(ground_truth * p) + noise();
+      match.right_px = corrected(ground_truth * p);
+      match.sigma_px = kSigmaPx;
+      matches.points.push_back(match);
+    }
+    const MotionEstimate motion = estimateMotion(matches, camera, ground_truth, {});
+    ASSERT_TRUE(motion.ok());
+    calibration.addMotion(matches, motion, {}, share_of_new);
+  }
+
+  const StereoCamera camera = synthetic::camera();
+  StereoCorrection error{camera};
+  OnlineStereoCalibration calibration{camera};
+
+ private:
+  Vector2d noise() { return {random_.normal(kSigmaPx), random_.normal(kSigmaPx)}; }
+
+  synthetic::Random random_;
+};
+
+TEST(StereoCorrection, TermsAreThoseOfTheHeader) {
+  const StereoCamera camera = synthetic::camera();
+  const StereoCorrection correction(camera);
+  // x is 1 half an image's width right of the principal point; y has the same unit.
+  StereoCorrection::Coefficients expected;
+  expected << 1.0, 1.0, 0.5, 2.0 / 3.0, 0.5, 0.25;
+  EXPECT_LT((correction.terms({camera.cx + 320.0, camera.cy + 160.0}) - expected).norm(), 1e-12);
+  expected << 1.0, 0.0, 0.0, -1.0 / 3.0, 0.0, 0.0;
+  EXPECT_LT((correction.terms({camera.cx, camera.cy}) - expected).norm(), 1e-12);
+}
+
+TEST(StereoCorrection, DefaultIsZero) {
+  EXPECT_EQ(StereoCorrection().apply({123.0, 45.0}), Vector2d(123.0, 45.0));
+  EXPECT_EQ(StereoCorrection(synthetic::camera()).apply({123.0, 45.0}), Vector2d(123.0, 45.0));
+}
+
+TEST(StereoCorrection, RemovesTheDisplacement) {
+  StereoCorrection correction(synthetic::camera());
+  correction.u(0) = 0.25;
+  correction.v(1) = -0.5;
+  const Vector2d moved = correction.apply({synthetic::camera().cx + 320.0, 100.0});
+  EXPECT_NEAR(moved.x(), synthetic::camera().cx + 320.0 - 0.25, 1e-12);
+  EXPECT_NEAR(moved.y(), 100.5, 1e-12);
+}
+
+TEST(OnlineStereoCalibration, VerticalOffsetIsEstimatedWithinAFewFrames) {
+  DistortedDrive drive(1);
+  drive.error.v << 0.3, -0.25, 0.2, 0.15, -0.2, 0.1;
+  for (int frame = 0; frame < 10; ++frame) drive.addVerticalDisparities();
+  EXPECT_LT((drive.calibration.correction().v - drive.error.v).cwiseAbs().maxCoeff(), 0.12);
+  EXPECT_EQ(drive.calibration.correction().u, StereoCorrection::Coefficients::Zero());
+  for (int frame = 0; frame < 90; ++frame) drive.addVerticalDisparities();
+  EXPECT_LT((drive.calibration.correction().v - drive.error.v).cwiseAbs().maxCoeff(), 0.03);
+}
+
+TEST(OnlineStereoCalibration, VerticalOffsetIsRobustToWrongMatches) {
+  DistortedDrive drive(2);
+  synthetic::Random random(3);
+  for (int frame = 0; frame < 30; ++frame) {
+    drive.addVerticalDisparities();
+    std::vector<OnlineStereoCalibration::VerticalDisparity> wrong;
+    for (int i = 0; i < 20; ++i)
+      wrong.push_back({{random.uniform(0.0, 640.0), random.uniform(0.0, 480.0)}, 2.0});
+    drive.calibration.addVerticalDisparities(wrong, kSigmaPx);
+  }
+  EXPECT_LT(drive.calibration.correction().v.cwiseAbs().maxCoeff(), 0.2);
+}
+
+TEST(OnlineStereoCalibration, DisparityOffsetIsEstimatedFromTheMotion) {
+  // The terms x and x^2 - 1/3, those of a rotated or badly calibrated right camera.
+  DistortedDrive drive(4);
+  drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+  for (int frame = 0; frame < 60; ++frame) drive.addMotion();
+  const StereoCorrection::Coefficients u = drive.calibration.correction().u;
+  EXPECT_NEAR(u(1), 0.25, 0.08);
+  EXPECT_NEAR(u(3), -0.3, 0.08);
+  EXPECT_EQ(drive.calibration.correction().v, StereoCorrection::Coefficients::Zero());
+}
+
+TEST(OnlineStereoCalibration, FramesAreWeightedByTheCubeOfTheShareOfNewFeatures) {
+  const auto estimated = [](double share_of_new) {
+    DistortedDrive drive(9);
+    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+    drive.addMotion(share_of_new);
+    return drive.calibration.correction().u;
+  };
+  EXPECT_EQ(estimated(0.0), StereoCorrection::Coefficients::Zero());
+  // With much less information than the prior the estimate is linear in it.
+  const StereoCorrection::Coefficients little = estimated(0.0001);
+  EXPECT_GT(little.norm(), 0.0);
+  EXPECT_TRUE(estimated(0.0003).isApprox(27.0 * little, 1e-2));
+  EXPECT_LT(estimated(0.1).norm(), 0.5 * estimated(1.0).norm());
+}
+
+/// As the first frame of a map: it counts as much as the next one.
+TEST(OnlineStereoCalibration, AFrameWithAnUnknownShareOfNewFeaturesWaitsForTheNextOne) {
+  constexpr double kShare =
+      0.0001;  // so small that the correction has no effect on the observations
+  const auto estimated = [](const std::vector<std::optional<double>>& shares) {
+    DistortedDrive drive(9);
+    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+    for (const auto& share : shares) drive.addMotion(share);
+    return drive.calibration.correction().u;
+  };
+  EXPECT_EQ(estimated({std::nullopt}), StereoCorrection::Coefficients::Zero());
+  EXPECT_TRUE(estimated({std::nullopt, kShare}).isApprox(estimated({kShare, kShare}), 1e-3));
+  EXPECT_FALSE(estimated({std::nullopt, kShare}).isApprox(estimated({kShare}), 0.1)) << "it counts";
+  EXPECT_TRUE(
+      estimated({std::nullopt, kShare, kShare}).isApprox(estimated({kShare, kShare, kShare}), 1e-3))
+      << "once";
+}
+
+TEST(OnlineStereoCalibration, ConvergesFromBothSides) {
+  for (const double sign : {-1.0, 1.0}) {
+    DistortedDrive drive(5);
+    drive.error.u(1) = 0.2 * sign;
+    double before = 0.2;
+    for (int block = 0; block < 3; ++block) {
+      for (int frame = 0; frame < 20; ++frame) drive.addMotion();
+      const double left = std::abs(drive.calibration.correction().u(1) - drive.error.u(1));
+      EXPECT_LT(left, before + 0.02);
+      before = left;
+    }
+    EXPECT_LT(before, 0.06);
+  }
+}
+
+TEST(OnlineStereoCalibration, CorrectCalibrationStaysNearZero) {
+  DistortedDrive drive(6);
+  for (int frame = 0; frame < 60; ++frame) {
+    drive.addVerticalDisparities();
+    drive.addMotion();
+  }
+  EXPECT_LT(drive.calibration.correction().u.cwiseAbs().maxCoeff(), 0.06);
+  EXPECT_LT(drive.calibration.correction().v.cwiseAbs().maxCoeff(), 0.03);
+  const Vector2d corner(5.0, 5.0);
+  EXPECT_LT((drive.calibration.correction().apply(corner) - corner).norm(), 0.12);
+}
+
+TEST(OnlineStereoCalibration, AdaptsToAChange) {
+  DistortedDrive drive(7);
+  drive.error.v(0) = 0.3;
+  for (int frame = 0; frame < 300; ++frame) drive.addVerticalDisparities();
+  drive.error.v(0) = -0.3;
+  for (int frame = 0; frame < 3000; ++frame) drive.addVerticalDisparities();
+  EXPECT_NEAR(drive.calibration.correction().v(0), -0.3, 0.1);
+}
+
+TEST(OnlineStereoCalibration, WithoutDataTheEstimateIsUnchanged) {
+  OnlineStereoCalibration calibration(synthetic::camera());
+  calibration.addVerticalDisparities({}, kSigmaPx);
+  calibration.addMotion({}, {}, {}, 1.0);
+  MotionEstimate motion;
+  motion.status = MotionStatus::kOk;
+  calibration.addMotion({}, motion, {}, 1.0);
+  EXPECT_EQ(calibration.correction().u, StereoCorrection::Coefficients::Zero());
+  EXPECT_EQ(calibration.correction().v, StereoCorrection::Coefficients::Zero());
+}
+
+TEST(OnlineStereoCalibration, OutliersOfTheMotionAreIgnored) {
+  const StereoCamera camera = synthetic::camera();
+  Correspondences matches = synthetic::matches(camera, synthetic::motion(), {60, 0}, 8);
+  MotionEstimate motion = estimateMotion(matches, camera, synthetic::motion(), {});
+  ASSERT_TRUE(motion.ok());
+  for (int i = 0; i < 20; ++i) {
+    matches.points[i].right_px.x() += 50.0;
+    motion.point_inliers[i] = false;
+  }
+  OnlineStereoCalibration calibration(camera);
+  calibration.addMotion(matches, motion, {}, 1.0);
+  EXPECT_LT(calibration.correction().u.cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(OnlineStereoCalibration, IgnoresInvalidData) {
+  const StereoCamera camera = synthetic::camera();
+  Correspondences matches = synthetic::matches(camera, synthetic::motion(), {60, 0}, 9);
+  const MotionEstimate motion = estimateMotion(matches, camera, synthetic::motion(), {});
+  matches.points[0].left_px.x() = std::numeric_limits<double>::quiet_NaN();
+  OnlineStereoCalibration calibration(camera);
+  calibration.addMotion(matches, motion, {}, 1.0);
+  EXPECT_TRUE(calibration.correction().u.allFinite());
+}
+
+}  // namespace
+}  // namespace point_line_odometry
