@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "dataset/oxts.h"
+#include "dataset/png_file.h"
 #include "dataset/text_rows.h"
 
 namespace point_line_odometry {
@@ -34,33 +35,14 @@ std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
   return std::stoll(field);
 }
 
-std::vector<char> readBytes(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary | std::ios::ate);
-  if (!in || !isFile(file)) {
+cv::Mat readImage(const fs::path& file) {
+  if (!isFile(file)) {
     fail("image ", quoted(file), " is missing or unreadable: unpack the data set again");
   }
-  std::vector<char> bytes(static_cast<std::size_t>(std::max<std::streamoff>(in.tellg(), 0)));
-  in.seekg(0).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  return in ? bytes : std::vector<char>();
-}
-
-/// A PNG that was cut off lacks its closing chunk; looked for here, as libpng complains on stderr.
-bool isCutOffPng(const std::vector<char>& bytes) {
-  const auto tail = std::min<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(bytes.size()), 64);
-  return bytes.size() > 4 && std::string(bytes.data(), 4) == "\x89PNG" &&
-         std::string(bytes.end() - tail, bytes.end()).find("IEND") == std::string::npos;
-}
-
-cv::Mat readImage(const fs::path& file) {
-  const std::vector<char> bytes = readBytes(file);
-  cv::Mat image;
-  try {
-    if (!bytes.empty() && !isCutOffPng(bytes)) image = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE);
-  } catch (const cv::Exception&) {
-    image.release();
-  }
+  cv::Mat image = readPng(file.string(), cv::IMREAD_GRAYSCALE);
   if (!image.empty()) return image;
-  fail("image ", quoted(file), " cannot be decoded: it is damaged or cut off, fetch it again");
+  fail("image ", quoted(file),
+       " cannot be decoded: it is damaged, cut off or no PNG, fetch it again");
 }
 
 void requireSize(const cv::Mat& image, const std::string& file, const CameraCalibration& camera) {

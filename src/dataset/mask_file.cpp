@@ -1,37 +1,23 @@
 #include "dataset/mask_file.h"
 
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 #include "common/input_error.h"
+#include "dataset/png_file.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr std::array<const char*, 2> kSides{"left", "right"};
 
-/// Empty if the file is no image. Not cv::imread(), which prints warnings of its own.
-cv::Mat decode(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  const std::vector<char> bytes{std::istreambuf_iterator<char>(in),
-                                std::istreambuf_iterator<char>()};
-  try {
-    return bytes.empty() ? cv::Mat() : cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    return {};
-  }
-}
-
 cv::Mat readMask(const std::string& file, const char* side) {
   const std::string name = std::string(side) + " mask '" + file + "'";
-  cv::Mat image = decode(file);
+  const cv::Mat image = readPng(file, cv::IMREAD_UNCHANGED);
   if (image.empty()) {
     throw InputError(name +
-                     " cannot be read as an image: name a PNG of the camera's size, 0 where "
-                     "pixels are to be ignored");
+                     " cannot be read as a PNG: name one of the camera's size, 0 where pixels are "
+                     "to be ignored");
   }
   if (image.depth() != CV_8U) {
     throw InputError(name + " has " + std::to_string(8 * image.elemSize1()) +
