@@ -16,8 +16,8 @@ cv::Mat readMask(const std::string& file, const char* side) {
   const cv::Mat image = readPng(file, cv::IMREAD_UNCHANGED);
   if (image.empty()) {
     throw InputError(name +
-                     " cannot be read as a PNG: name one of the camera's size, 0 where pixels are "
-                     "to be ignored");
+                     " cannot be read as a PNG: name a PNG of the camera's size, 0 where "
+                     "pixels are to be ignored");
   }
   if (image.depth() != CV_8U) {
     throw InputError(name + " has " + std::to_string(8 * image.elemSize1()) +
