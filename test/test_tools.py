@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 import unittest
+import zlib
 
 import rosbag
 
@@ -25,6 +26,18 @@ from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest,
 
 RESULTS = ["frames.csv", "groundtruth.tum", "summary.json", "trajectory.kitti",
            "trajectory.tum", "uncertainty.csv"]
+
+
+def write_grey_png(path, width, height):
+    """A black image of 8 bit, by the standard library alone."""
+    def chunk(name, data):
+        checksum = zlib.crc32(name + data)
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", checksum)
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    rows = zlib.compress(bytes((1 + width) * height))
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows)
+                   + chunk(b"IEND", b""))
 
 
 class OfflineOdometryTest(ToolTest):
@@ -234,8 +247,8 @@ class OfflineOdometryTest(ToolTest):
         text = self.path("text.png")
         write(text, "no image")
         refuse(["right mask", "cannot be read"], text)
-        small = self.path("small.pgm")
-        write(small, "P2 3 2 255 0 0 0 1 1 1\n")
+        small = self.path("small.png")
+        write_grey_png(small, 3, 2)
         refuse([f"right mask '{small}' is 3 x 2", f"{WIDTH} x {HEIGHT}"], small)
 
     def test_refuses_a_bag_without_masks(self):
