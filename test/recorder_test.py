@@ -25,7 +25,7 @@ from nodelet.srv import NodeletLoad, NodeletUnload
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 
-from tool_fixture import run
+from tool_fixture import run, write_png
 
 # catkin's environment for tests is made before the messages' modules are, in a new workspace.
 sys.path += [os.path.join(prefix, "lib", "python3", "dist-packages")
@@ -248,8 +248,8 @@ class RecorderTest(unittest.TestCase):
     def test_masks_of_file_and_topics_are_used_and_replayed(self):
         mask = np.full((480, 752), 255, np.uint8)
         mask[:, :100] = 0
-        file = os.path.join(self.folder, "left.pgm")
-        write_pgm(file, mask)
+        file = os.path.join(self.folder, "left.png")
+        write_png(file, [row.tobytes() for row in mask])
         self.start_with_masks({"bonnet": 1.0}, left={"mask": file}, mask_images="both",
                               mask_wait_s=10.0)
         self.wait_frames(RING)
@@ -282,8 +282,8 @@ class RecorderTest(unittest.TestCase):
         logs = []
         subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
         self.addCleanup(subscriber.unregister)
-        file = os.path.join(self.folder, "small.pgm")
-        write_pgm(file, np.zeros((10, 20), np.uint8))
+        file = os.path.join(self.folder, "small.png")
+        write_png(file, [bytes(20)] * 10)
         self.start_with_masks({"lockstep_topic": ""}, right={"mask": file})
         wanted = f"right mask '{file}' is 20 x 10, but the camera's images are 752 x 480"
         self.wait(lambda: any(wanted in log.msg for log in logs), "the error")
@@ -378,11 +378,6 @@ class RecorderTest(unittest.TestCase):
         self.assertEqual((size["min"], size["max"], size["default"]), (0, 30, 5))
         self.assertIn("both", descriptions["motion/residual_images"]["edit_method"])
         self.assertGreater(len(descriptions), 40)
-
-
-def write_pgm(path, image):
-    with open(path, "wb") as file:
-        file.write(b"P5 %d %d 255\n" % (image.shape[1], image.shape[0]) + image.tobytes())
 
 
 def rosbag_stamps(path):

@@ -17,27 +17,14 @@ import subprocess
 import sys
 import time
 import unittest
-import zlib
 
 import rosbag
 
 from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest, cut_off,
-                          data_folder, find_program, read, write)
+                          data_folder, find_program, read, write, write_png)
 
 RESULTS = ["frames.csv", "groundtruth.tum", "summary.json", "trajectory.kitti",
            "trajectory.tum", "uncertainty.csv"]
-
-
-def write_grey_png(path, width, height):
-    """A black image of 8 bit, by the standard library alone."""
-    def chunk(name, data):
-        checksum = zlib.crc32(name + data)
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", checksum)
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    rows = zlib.compress(bytes((1 + width) * height))
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows)
-                   + chunk(b"IEND", b""))
 
 
 class OfflineOdometryTest(ToolTest):
@@ -248,7 +235,7 @@ class OfflineOdometryTest(ToolTest):
         write(text, "no image")
         refuse(["right mask", "cannot be read"], text)
         small = self.path("small.png")
-        write_grey_png(small, 3, 2)
+        write_png(small, [bytes(3)] * 2)
         refuse([f"right mask '{small}' is 3 x 2", f"{WIDTH} x {HEIGHT}"], small)
 
     def test_refuses_a_bag_without_masks(self):
