@@ -61,7 +61,10 @@ catkin_in_workspace() {
   options+=(-DCMAKE_EXPORT_COMPILE_COMMANDS=ON)  # for clang-tidy
   # Debian 11's GMock is not found any more when catkin runs CMake a second time.
   options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
-  if command -v ccache >/dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
+  if command -v ccache >/dev/null; then
+    options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+    export CCACHE_BASEDIR=$repository CCACHE_NOHASHDIR=1  # another clone finds the same
+  fi
   link_package
   # CMake refuses a build folder that has been moved or copied with the repository.
   local cache=$workspace/build/CMakeCache.txt
