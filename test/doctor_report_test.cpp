@@ -500,6 +500,64 @@ TEST(DoctorReportTest, BecomesMessagesAndText) {
   EXPECT_TRUE(contains(text, "-> publish it"));
 }
 
+/// What consecutive pairs have told, as one line of the report.
+DoctorLine sequenceLine(Subject subject, const SequenceMeasurement& sequence) {
+  DoctorFacts facts = Camera().watch();
+  facts.sequence = sequence;
+  for (const DoctorLine& line : checkInput(facts)) {
+    if (line.subject == subject) return line;
+  }
+  ADD_FAILURE() << "no line on " << toString(subject);
+  return {};
+}
+
+TEST(SequenceLines, SayWhichImagesAreLateAndByHowMuch) {
+  SequenceMeasurement sequence;
+  EXPECT_EQ(sequenceLine(Subject::kTrigger, sequence).level, Level::kUnknown);
+  sequence.frames = 30;
+  EXPECT_NE(sequenceLine(Subject::kTrigger, sequence).text.find("not checked"), std::string::npos);
+  sequence.delay_s = 0.010;
+  sequence.delay_sigma_s = 0.0001;
+  sequence.speed_px_s = 100.0;
+  DoctorLine line = sequenceLine(Subject::kTrigger, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_NE(line.text.find("10.0 ms after the left"), std::string::npos) << line.text;
+  sequence.delay_s = -0.010;
+  line = sequenceLine(Subject::kTrigger, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_NE(line.text.find("10.0 ms before the left"), std::string::npos) << line.text;
+  sequence.delay_sigma_s = 0.004;
+  line = sequenceLine(Subject::kTrigger, sequence);
+  EXPECT_EQ(line.level, Level::kOk) << "not certain";
+  EXPECT_NE(line.text.find("not checked"), std::string::npos) << line.text;
+  sequence.delay_sigma_s = 0.0001;
+  sequence.speed_px_s = 10.0;
+  EXPECT_EQ(sequenceLine(Subject::kTrigger, sequence).level, Level::kOk) << "it does no harm";
+  sequence.speed_px_s = 1000.0;
+  sequence.delay_s = 0.0007;
+  line = sequenceLine(Subject::kTrigger, sequence);
+  EXPECT_EQ(line.level, Level::kOk) << "as cameras with a common trigger may have";
+  EXPECT_NE(line.text.find("at the same time"), std::string::npos) << line.text;
+}
+
+TEST(SequenceLines, WarnOfAPatternAllOverTheImage) {
+  SequenceMeasurement sequence;
+  EXPECT_EQ(sequenceLine(Subject::kProjector, sequence).level, Level::kUnknown);
+  sequence.frames = 30;
+  EXPECT_NE(sequenceLine(Subject::kProjector, sequence).text.find("not checked"),
+            std::string::npos);
+  sequence.compared = 1000;
+  sequence.resting = 5;
+  sequence.resting_cells = 1;
+  EXPECT_EQ(sequenceLine(Subject::kProjector, sequence).level, Level::kOk);
+  sequence.resting = 100;
+  EXPECT_EQ(sequenceLine(Subject::kProjector, sequence).level, Level::kOk) << "dirt on the lens";
+  sequence.resting_cells = 10;
+  const DoctorLine line = sequenceLine(Subject::kProjector, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_NE(line.text.find("100 of 1000 points"), std::string::npos) << line.text;
+}
+
 TEST(PairTrendTest, ReturnsMediansAndTheDrift) {
   PairTrend trend;
   EXPECT_FALSE(trend.current());

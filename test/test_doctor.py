@@ -15,13 +15,14 @@ import genpy
 import rosbag
 
 from ros_fixture import local_host, wait_until
-from tool_fixture import find_program, run
+from tool_fixture import data_folder, find_program, run
 
 LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_info|"
                   r"right camera_info|\S+)\s+(.*)$")
-SUBJECTS = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
-            "images", "calibration", "baseline", "rectification", "disparity", "tf", "speed",
-            "clock"]
+SUBJECTS_OF_NODE = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
+                    "images", "calibration", "baseline", "rectification", "disparity", "tf",
+                    "speed", "clock"]
+SUBJECTS = SUBJECTS_OF_NODE[:-3] + ["trigger", "projector"] + SUBJECTS_OF_NODE[-3:]
 SUBJECTS_WITH_IMU = SUBJECTS[:-2] + ["imu"] + SUBJECTS[-2:]
 LIVE_S = 60.0
 
@@ -262,6 +263,70 @@ class ImuBagTest(unittest.TestCase, ReportChecks):
         self.assertIn("saturated", text)
 
 
+class SequenceBagTest(unittest.TestCase, ReportChecks):
+    """What the motion in consecutive images tells."""
+
+    subjects = SUBJECTS_WITH_IMU
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def make_bag(self, source, *options):
+        bag = os.path.join(self.folder, "made.bag")
+        run("dataset_to_bag", source, bag, *options, "--quiet").check_returncode()
+        return bag
+
+    def make_late(self, bag, ticks, every):
+        """Each `every`th left image, with the right one that comes `ticks` images later, which
+        gets its stamp."""
+        late = os.path.join(self.folder, "late.bag")
+        frames = {}
+        with rosbag.Bag(bag) as source:
+            for topic, message, _ in source.read_messages(["/stereo/left/image_raw",
+                                                           "/stereo/right/image_raw"]):
+                frames.setdefault(topic, []).append(message)
+        stamps = [message.header.stamp for message in frames["/stereo/left/image_raw"]][::every]
+        right = frames["/stereo/right/image_raw"][ticks::every]
+        with rosbag.Bag(bag) as source, rosbag.Bag(late, "w") as target:
+            for topic, message, time_ in source.read_messages():
+                if topic == "/stereo/right/image_raw":
+                    continue
+                if topic == "/stereo/imu" or "tf" in topic:
+                    target.write(topic, message, time_)
+                elif message.header.stamp in stamps:
+                    target.write(topic, message, time_)
+            for stamp, message in zip(stamps, right):
+                message.header.stamp = stamp
+                target.write("/stereo/right/image_raw", message, stamp)
+        return late
+
+    def test_right_images_that_are_late(self):
+        bag = self.make_bag("synthetic:indoor,frame_rate_hz=200,frames=300")
+        result = run("doctor", self.make_late(bag, 0, 10))
+        self.check(result.stdout, {})
+        self.assertIn("at the same time", parse(result.stdout)["trigger"][1])
+        result = run("doctor", self.make_late(bag, 2, 10))
+        lines = parse(result.stdout)
+        level, text = lines["trigger"]
+        self.assertEqual(level, "WARN", result.stdout)
+        delay_ms = float(re.search(r"taken ([\d.]+) ms after the left ones", text).group(1))
+        self.assertAlmostEqual(delay_ms, 10.0, delta=0.7)
+        self.assertIn("hardware synchronisation", text)
+        self.assertEqual(lines["projector"][0], "ok")
+        self.assertEqual(result.returncode, 1)
+
+    def test_real_cameras_have_no_fault(self):
+        for name in ("kitti_raw_0926_0001", "kitti_06_000-050", "euroc_MH_01_000-099",
+                     "rendered_town", "rendered_lowtexture", "rendered_plaster"):
+            with self.subTest(sequence=name):
+                bag = self.make_bag(data_folder(name), "--max-frames", "40")
+                result = run("doctor", bag)
+                for subject, (level, text) in parse(result.stdout).items():
+                    if subject != "speed":  # of this computer
+                        self.assertIn(level, ("ok", "?"), subject + ": " + text)
+
+
 class LiveTest(unittest.TestCase, ReportChecks):
     """A roscore of its own, the synthetic camera, the tool and the nodelet."""
 
@@ -340,7 +405,8 @@ class LiveTest(unittest.TestCase, ReportChecks):
         self.assertEqual(log.count("s after the start"), len(reports))
         self.assertIn("2 s after the start", log)
         last = reports[-1]
-        self.assertEqual([status.name.partition(": ")[2] for status in last.status], SUBJECTS)
+        self.assertEqual([status.name.partition(": ")[2] for status in last.status],
+                         SUBJECTS_OF_NODE)
         self.assertEqual({status.level for status in last.status}, {0}, last)
         values = {value.key: value.value for name in ("input", "calibration")
                   for value in diagnostics[name].values}
@@ -382,7 +448,8 @@ class LiveTest(unittest.TestCase, ReportChecks):
                           calibration.message)
         self.assertIsNotNone(match, calibration)
         self.assertAlmostEqual(float(match.group(1)), 4.0, delta=0.3)
-        self.assertEqual(reports[-1].status[SUBJECTS.index("rectification")].level, 1, reports[-1])
+        self.assertEqual(reports[-1].status[SUBJECTS_OF_NODE.index("rectification")].level, 1,
+                         reports[-1])
         self.assertIn("images are not rectified", log)
 
 

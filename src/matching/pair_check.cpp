@@ -5,21 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
-#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "common/statistics.h"
 #include "features/features.h"
-#include "features/point_detector.h"
-#include "matching/descriptor_distance.h"
 #include "matching/patch_aligner.h"
-#include "point_line_odometry/parameters.h"
+#include "matching/wide_matches.h"
 
 namespace point_line_odometry {
 namespace {
-
-using Keypoints = std::vector<Keypoint>;
 
 /// A match: pixels in both images.
 struct PixelPair {
@@ -30,56 +24,11 @@ struct PixelPair {
   float disparity() const { return left.x() - right.x(); }
 };
 
-/// A mask of another size masks nothing.
-bool isMaskOf(const cv::Mat& mask, const cv::Mat& image) {
-  return mask.type() == CV_8UC1 && mask.size() == image.size();
-}
-
-/// Without keypoints whose patch has a masked pixel.
-Keypoints detect(const cv::Mat& image, const cv::Mat& mask) {
-  PointParameters parameters;
-  parameters.max_per_cell = 6;
-  Keypoints keypoints = PointDetector(parameters).detect(image);
-  if (!isMaskOf(mask, image)) return keypoints;
-  constexpr int kPatch_px = 31;
-  cv::Mat whole;  // 0 where a patch has a masked pixel
-  cv::erode(mask, whole, cv::Mat::ones(kPatch_px, kPatch_px, CV_8U));
-  const auto masked = [&](const Keypoint& keypoint) {
-    const int x = std::clamp(cvRound(keypoint.pixel.x()), 0, image.cols - 1);
-    const int y = std::clamp(cvRound(keypoint.pixel.y()), 0, image.rows - 1);
-    return whole.at<std::uint8_t>(y, x) == 0;
-  };
-  keypoints.erase(std::remove_if(keypoints.begin(), keypoints.end(), masked), keypoints.end());
-  return keypoints;
-}
-
-/// For each keypoint the nearest descriptor within `band_px` rows that passes the ratio test, or
-/// -1.
-std::vector<int> bestPartners(const Keypoints& from, const Keypoints& to, float band_px) {
-  constexpr int kMaxDistance = 60;
-  constexpr double kMaxRatio = 0.8;
-  std::vector<int> partners;
-  partners.reserve(from.size());
-  for (const Keypoint& keypoint : from) {
-    TwoNearest best;
-    for (std::size_t i = 0; i < to.size(); ++i) {
-      if (std::abs(to[i].pixel.y() - keypoint.pixel.y()) > band_px) continue;
-      best.offer(static_cast<int>(i), hammingDistance(keypoint.descriptor, to[i].descriptor));
-    }
-    partners.push_back(best.accepted(kMaxDistance, kMaxRatio));
-  }
-  return partners;
-}
-
-/// The pairs that pass the cross-check.
-std::vector<PixelPair> matchInBand(const Keypoints& left, const Keypoints& right, float band_px) {
-  const std::vector<int> to_right = bestPartners(left, right, band_px);
-  const std::vector<int> to_left = bestPartners(right, left, band_px);
+std::vector<PixelPair> pixelPairs(const std::vector<Keypoint>& left,
+                                  const std::vector<Keypoint>& right, float band_px) {
   std::vector<PixelPair> pairs;
-  for (std::size_t i = 0; i < left.size(); ++i) {
-    const int partner = to_right[i];
-    if (partner < 0 || to_left[static_cast<std::size_t>(partner)] != static_cast<int>(i)) continue;
-    pairs.push_back({left[i].pixel, right[static_cast<std::size_t>(partner)].pixel});
+  for (const auto& [l, r] : matchInBand(left, right, band_px)) {
+    pairs.push_back({left[l].pixel, right[r].pixel});
   }
   return pairs;
 }
@@ -201,24 +150,22 @@ bool areIdentical(const cv::Mat& left, const cv::Mat& right) {
 
 PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right, const cv::Mat& left_mask,
                             const cv::Mat& right_mask) {
-  constexpr float kBandShare = 1.0F / 6.0F;
-  constexpr float kLeastBandPx = 32.0F;
   constexpr float kBehindInfinityPx = -1.0F;
   PairMeasurement measurement;
   for (const cv::Mat* image : {&left, &right}) {
     if (image->empty() || image->type() != CV_8UC1) return measurement;
   }
-  const Keypoints left_keypoints = detect(left, left_mask);
-  const Keypoints right_keypoints = detect(right, right_mask);
+  const std::vector<Keypoint> left_keypoints = detectUnmasked(left, left_mask);
+  const std::vector<Keypoint> right_keypoints = detectUnmasked(right, right_mask);
   measurement.keypoints_left = static_cast<int>(left_keypoints.size());
   measurement.keypoints_right = static_cast<int>(right_keypoints.size());
   measurement.contrast_left = contrastOf(left, left_mask);
   measurement.contrast_right = contrastOf(right, right_mask);
   measurement.identical = areIdentical(left, right);
 
-  const float band_px = std::max(kLeastBandPx, kBandShare * static_cast<float>(left.rows));
+  const float band_px = wideBand_px(left.rows);
   std::vector<PixelPair> pairs =
-      consistentPairs(matchInBand(left_keypoints, right_keypoints, band_px), band_px, left.size());
+      consistentPairs(pixelPairs(left_keypoints, right_keypoints, band_px), band_px, left.size());
   if (pairs.empty()) return measurement;
   refine(left, right, &pairs);
   const auto row = [](const PixelPair& pair) { return pair.verticalDisparity(); };

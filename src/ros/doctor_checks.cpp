@@ -100,6 +100,7 @@ void DoctorChecks::takeCalibration(const StereoMessages& messages) {
   rectifier_.reset();
   calibration_fault_.clear();
   trend_ = PairTrend();
+  sequence_.reset();
   try {
     calibration_ = toStereoCalibration(*left_info_, *right_info_);
     camera_ = rectifiedCamera(calibration_);
@@ -110,12 +111,12 @@ void DoctorChecks::takeCalibration(const StereoMessages& messages) {
   }
 }
 
-void DoctorChecks::measure(const StereoMessages& set) {
+template <typename Use>
+void DoctorChecks::useImages(const StereoMessages& set, const Use& use) {
   takeCalibration(set);
   if (parameters_.rectify && !camera_) return;
   try {
-    const StereoImages images = imagesOf(set);
-    trend_.add(measurePair(images.left, images.right, images.left_mask, images.right_mask));
+    use(imagesOf(set));
   } catch (const MessageError&) {
     // facts() reports it: it converts the latest messages in the same way.
   } catch (const std::invalid_argument& error) {
@@ -124,10 +125,24 @@ void DoctorChecks::measure(const StereoMessages& set) {
   }
 }
 
+void DoctorChecks::measure(const StereoMessages& set) {
+  useImages(set, [this](const StereoImages& images) {
+    trend_.add(measurePair(images.left, images.right, images.left_mask, images.right_mask));
+  });
+}
+
+void DoctorChecks::follow(const StereoMessages& set) {
+  useImages(set, [this](const StereoImages& images) {
+    if (!sequence_) sequence_.emplace();
+    sequence_->add(images);
+  });
+}
+
 /// The rectifier is built for a size only once images have that size.
 StereoImages DoctorChecks::imagesOf(const StereoMessages& set) {
   if (!parameters_.rectify) {
-    StereoImages images{toGray(*set.left), toGray(*set.right), 0};
+    StereoImages images{toGray(*set.left), toGray(*set.right),
+                        toNanoseconds(set.left->header.stamp)};
     addMasks(set, &images);
     return images;
   }
@@ -166,6 +181,7 @@ DoctorFacts DoctorChecks::facts(const InputFacts& input, const tf2::BufferCore& 
   facts.mask_fault = camera_ && mask_fault_.empty() ? masks_.sizeFault(calibration_) : mask_fault_;
   facts.pair = trend_.current();
   facts.vertical_drift_px = trend_.verticalDrift_px();
+  if (sequence_) facts.sequence = sequence_->measurement();
   if (!input.latest.left) return facts;
   facts.camera_frame = withoutLeadingSlash(input.latest.left->header.frame_id);
   facts.T_base_camera = findMounting(facts.camera_frame, tf);

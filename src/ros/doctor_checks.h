@@ -51,12 +51,18 @@ class DoctorChecks {
   /// trend.
   void measure(const StereoMessages& set);
 
+  /// Follows points from set to set, as SequenceCheck does: for a limited number of consecutive
+  /// ones.
+  void follow(const StereoMessages& set);
+
   /// \param tf looked up for the camera's mounting. Left for the caller: image_topics, from_bag,
-  /// clock_missing, frame_ms, masks.
+  /// clock_missing, frame_ms, masks, imu.
   DoctorFacts facts(const InputFacts& input, const tf2::BufferCore& tf);
 
  private:
   void takeCalibration(const StereoMessages& messages);
+  template <typename Use>
+  void useImages(const StereoMessages& set, const Use& use);
   StereoImages imagesOf(const StereoMessages& set);
   void addMasks(const StereoMessages& set, StereoImages* images) const;
   std::optional<Eigen::Isometry3d> findMounting(const std::string& camera_frame,
@@ -73,6 +79,7 @@ class DoctorChecks {
   StaticMasks masks_;
   std::string mask_fault_;  // of a file that cannot be read
   PairTrend trend_;
+  std::optional<SequenceCheck> sequence_;
 };
 
 }  // namespace point_line_odometry

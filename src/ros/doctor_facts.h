@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "matching/pair_check.h"
+#include "matching/sequence_check.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "ros/doctor_imu.h"
 #include "ros/frame_messages.h"
@@ -51,8 +52,9 @@ struct DoctorFacts {
   std::optional<StereoCamera> camera;               ///< nothing: not known, or camera_info is bad
   std::string calibration_fault;                    ///< with a hint; empty if there is none
 
-  std::optional<PairMeasurement> pair;      ///< nothing: not measured yet
-  std::optional<double> vertical_drift_px;  ///< of row_offset_px since the start
+  std::optional<PairMeasurement> pair;          ///< nothing: not measured yet
+  std::optional<double> vertical_drift_px;      ///< of row_offset_px since the start
+  std::optional<SequenceMeasurement> sequence;  ///< nothing: no consecutive pairs were followed
 
   std::string camera_frame;  ///< of the left image's header
   std::optional<Eigen::Isometry3d> T_base_camera;

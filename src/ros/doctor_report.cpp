@@ -71,6 +71,10 @@ const char* toString(DoctorSubject subject) {
       return "rectification";
     case Subject::kDisparity:
       return "disparity";
+    case Subject::kTrigger:
+      return "trigger";
+    case Subject::kProjector:
+      return "projector";
     case Subject::kMounting:
       return "tf";
     case Subject::kMasks:

@@ -28,6 +28,8 @@ enum class DoctorSubject {
   kBaseline,
   kRectification,
   kDisparity,
+  kTrigger,
+  kProjector,
   kMounting,
   kMasks,
   kImu,

@@ -5,6 +5,7 @@
 
 #include "ros/doctor_camera.h"
 #include "ros/doctor_lines.h"
+#include "ros/doctor_sequence.h"
 #include "ros/doctor_topics.h"
 
 namespace point_line_odometry {
@@ -135,6 +136,9 @@ DoctorLine checkClock(const DoctorFacts& facts) {
 std::vector<DoctorLine> checkInput(const DoctorFacts& facts) {
   std::vector<DoctorLine> lines = checkTopics(facts);
   for (const DoctorLine& line : checkCamera(facts)) lines.push_back(line);
+  if (facts.sequence) {
+    for (const DoctorLine& line : checkSequence(*facts.sequence)) lines.push_back(line);
+  }
   lines.push_back(checkMounting(facts));
   if (usesMasks(facts.parameters)) lines.push_back(checkMasks(facts));
   if (facts.imu) lines.push_back(checkImu(*facts.imu));

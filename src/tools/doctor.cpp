@@ -58,12 +58,14 @@ void applyOptions(const Options& options, const po::variables_map& values,
 /// \param facts collected by the checks. \return the lines of the report.
 std::vector<DoctorLine> conclude(const DoctorPairs& pairs, const AllParameters& parameters,
                                  DoctorFacts facts) {
+  if (!facts.sequence) facts.sequence.emplace();  // nothing could be followed: the lines say so
   pairs.process(parameters, &facts);
   return checkInput(facts);
 }
 
-// Processed sets: for the speed, and so many that the camera's rates tell the axes of an IMU.
-constexpr std::size_t kSets = 10;
+// Processed sets: for the speed and a trigger, and so many that the camera's rates tell the axes of
+// an IMU.
+constexpr std::size_t kSets = 30;
 constexpr std::size_t kSetsWithImu = 60;
 
 /// The IMU of a node that uses it; an empty subscriber otherwise.

@@ -24,6 +24,7 @@ void DoctorPairs::take(const StereoMessages& set, double time_s) {
 
 void DoctorPairs::measure(DoctorChecks* checks) const {
   for (const StereoMessages& set : to_measure_) checks->measure(set);
+  for (const StereoMessages& set : sets_) checks->follow(set);
 }
 
 void DoctorPairs::addMasks(MaskBuffer* masks) {

@@ -15,7 +15,7 @@ namespace point_line_odometry {
 class DoctorPairs {
  public:
   /// \param kept so many of the latest sets are processed.
-  explicit DoctorPairs(std::size_t kept = 10) : kept_(kept) {}
+  explicit DoctorPairs(std::size_t kept) : kept_(kept) {}
 
   /// Keeps the latest sets, and some of the first ones to be measured.
   void take(const StereoMessages& set, double time_s);
@@ -23,7 +23,7 @@ class DoctorPairs {
   /// Adds the masks of the sets kept.
   void addMasks(MaskBuffer* masks);
 
-  /// Measures those kept for it.
+  /// Measures those kept for it, and follows points through the latest sets.
   void measure(DoctorChecks* checks) const;
 
   /// Processes the sets kept, and adds the median time for a frame on this computer, without the

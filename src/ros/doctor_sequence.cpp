@@ -1,0 +1,81 @@
+#include "ros/doctor_sequence.h"
+
+#include <cmath>
+#include <string>
+
+#include "ros/doctor_lines.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Subject = DoctorSubject;
+
+constexpr int kFewestFrames = 4;  // motion in the image before and after a pair, and its change
+
+DoctorLine evaluateTrigger(const SequenceMeasurement& sequence) {
+  constexpr double kTellsAbove_s = 5e-3;
+  if (sequence.frames < kFewestFrames) {
+    return unknownLine(Subject::kTrigger, "not measured: too few consecutive pairs");
+  }
+  if (!sequence.delay_s) return okLine(Subject::kTrigger, "not checked: too few points move");
+  const double delay_s = *sequence.delay_s;
+  if (sequence.notSimultaneous()) {
+    return failureLine(
+        Subject::kTrigger, DoctorLevel::kWarn,
+        "right images are taken " + milliseconds(std::abs(delay_s)) +
+            (delay_s > 0.0 ? " after" : " before") + " the left ones (+- " +
+            milliseconds(sequence.delay_sigma_s) + ", from the motion in the images)",
+        "let one signal trigger both cameras (hardware synchronisation), with the same exposure; "
+        "stamps alone cannot mend it");
+  }
+  const double within_s = std::abs(delay_s) + 3.0 * sequence.delay_sigma_s;
+  if (within_s > kTellsAbove_s) {
+    return okLine(Subject::kTrigger, "not checked: the camera hardly moves");
+  }
+  return okLine(Subject::kTrigger,
+                "both images are taken at the same time, within " + milliseconds(within_s));
+}
+
+DoctorLine checkTrigger(const SequenceMeasurement& sequence) {
+  DoctorLine line = evaluateTrigger(sequence);
+  if (sequence.delay_s) {
+    line.values = {{"delay of the right images [ms]", number(1e3 * *sequence.delay_s, 3)},
+                   {"its standard deviation [ms]", number(1e3 * sequence.delay_sigma_s, 3)}};
+  }
+  return line;
+}
+
+DoctorLine evaluateProjector(const SequenceMeasurement& sequence) {
+  constexpr int kFewestCompared = 100;
+  if (sequence.frames < kFewestFrames) {
+    return unknownLine(Subject::kProjector, "not measured: too few consecutive pairs");
+  }
+  if (sequence.hasRestingPattern()) {
+    return failureLine(Subject::kProjector, DoctorLevel::kWarn,
+                       std::to_string(sequence.resting) + " of " +
+                           std::to_string(sequence.compared) +
+                           " points rest in the image while others as far away move: the pattern "
+                           "of a projector",
+                       "switch the infrared projector off (emitter_enabled 0), or use the images "
+                       "that the camera takes without it");
+  }
+  if (sequence.compared < kFewestCompared) {
+    return okLine(Subject::kProjector, "not checked: the camera hardly moves");
+  }
+  return okLine(Subject::kProjector, "no pattern rests in the image");
+}
+
+DoctorLine checkProjector(const SequenceMeasurement& sequence) {
+  DoctorLine line = evaluateProjector(sequence);
+  line.values = {{"points at rest", std::to_string(sequence.resting)},
+                 {"points compared", std::to_string(sequence.compared)}};
+  return line;
+}
+
+}  // namespace
+
+std::vector<DoctorLine> checkSequence(const SequenceMeasurement& sequence) {
+  return {checkTrigger(sequence), checkProjector(sequence)};
+}
+
+}  // namespace point_line_odometry

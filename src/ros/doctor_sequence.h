@@ -1,0 +1,14 @@
+#pragma once
+
+#include <vector>
+
+#include "matching/sequence_check.h"
+#include "ros/doctor_report.h"
+
+namespace point_line_odometry {
+
+/// The lines on what consecutive pairs tell: whether both cameras take their images at the same
+/// time, and whether a projector lights the scene.
+std::vector<DoctorLine> checkSequence(const SequenceMeasurement& sequence);
+
+}  // namespace point_line_odometry

@@ -1,0 +1,228 @@
+/// What consecutive pairs tell of their cameras: the built-in world with a right camera that is
+/// late, and with a projector's pattern that rests in the image.
+
+#include "matching/sequence_check.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "dataset/dataset.h"
+#include "point_line_odometry/rectification.h"
+#include "world/synthetic_world.h"
+
+namespace point_line_odometry {
+namespace {
+
+constexpr int kFrames = 30;
+
+/// Rectified pairs of a scene at about its own rate; the right ones are taken some time later.
+class LateCamera {
+ public:
+  LateCamera(const std::string& scene, double delay_ms)
+      : world_(optionsOf(scene)), delay_(static_cast<int>(std::lround(delay_ms / kTick_ms))) {
+    if (world_.needsRectification()) rectifier_.emplace(world_.calibration());
+  }
+
+  StereoImages pair(int i) const {
+    constexpr int kFirst = 60;
+    const int tick = kFirst + i * kTicks;
+    StereoImages images = world_.render(tick);
+    if (delay_ != 0) images.right = world_.render(tick + delay_).right;
+    return rectifier_ ? rectifier_->rectify(images) : images;
+  }
+
+ private:
+  static constexpr double kTick_ms = 5.0;
+  static constexpr int kTicks = 10;  // from pair to pair: 50 ms
+
+  static SyntheticWorldOptions optionsOf(const std::string& scene) {
+    SyntheticWorldOptions options;
+    options.scene = scene;
+    options.frame_rate_hz = 1000.0 / kTick_ms;
+    return options;
+  }
+
+  SyntheticWorld world_;
+  int delay_;
+  std::optional<StereoRectifier> rectifier_;
+};
+
+SequenceMeasurement measure(const std::string& scene, double delay_ms) {
+  const LateCamera camera(scene, delay_ms);
+  SequenceCheck check;
+  for (int i = 0; i < kFrames; ++i) check.add(camera.pair(i));
+  const SequenceMeasurement measurement = check.measurement();
+  std::cout << scene << ", " << delay_ms << " ms late: " << 1e3 * measurement.delay_s.value_or(NAN)
+            << " +- " << 1e3 * measurement.delay_sigma_s << " ms; " << measurement.resting << " of "
+            << measurement.compared << " rest\n";
+  return measurement;
+}
+
+void expectDelay(const std::string& scene, double delay_ms, double tolerance_ms) {
+  const SequenceMeasurement measurement = measure(scene, delay_ms);
+  ASSERT_TRUE(measurement.delay_s);
+  EXPECT_NEAR(1e3 * *measurement.delay_s, delay_ms, tolerance_ms);
+  EXPECT_EQ(measurement.notSimultaneous(), delay_ms != 0.0);
+  EXPECT_FALSE(measurement.hasRestingPattern());
+  EXPECT_GT(measurement.compared, 100);
+}
+
+TEST(SequenceCheck, MeasuresTheDelayOfAFlight) {
+  expectDelay("indoor", 0.0, 0.3);
+  expectDelay("indoor", 10.0, 0.5);
+  expectDelay("indoor", -5.0, 0.5);
+}
+
+TEST(SequenceCheck, MeasuresTheDelayOfADrive) {
+  expectDelay("street", 0.0, 0.3);
+  expectDelay("street", 10.0, 2.5);
+}
+
+TEST(SequenceCheck, MeasuresTheDelayAlongPlainWalls) {
+  expectDelay("corridor", 0.0, 1.5);
+  expectDelay("corridor", 5.0, 1.5);
+}
+
+TEST(SequenceCheck, SaysNothingOfACameraThatStands) {
+  SyntheticWorldOptions options;
+  options.scene = "indoor";
+  options.speed = 0.0;
+  options.rotation = 0.0;
+  const SyntheticWorld world(options);
+  SequenceCheck check;
+  for (int i = 0; i < 10; ++i) check.add(world.render(i));
+  const SequenceMeasurement measurement = check.measurement();
+  EXPECT_FALSE(measurement.notSimultaneous());
+  EXPECT_FALSE(measurement.hasRestingPattern());
+  EXPECT_EQ(measurement.compared, 0);
+}
+
+/// A dot is at a fixed pixel of the left image, next to the projector, and in the right one where
+/// the surface that it falls on is.
+class Projector {
+ public:
+  explicit Projector(cv::Size size) {
+    constexpr int kPitch_px = 36;
+    std::mt19937 random(7);
+    for (int y = kPitch_px; y < size.height - kPitch_px; y += kPitch_px) {
+      for (int x = kPitch_px; x < size.width - kPitch_px; x += kPitch_px) {
+        const auto shift = [&] { return static_cast<int>(random() % 25U) - 12; };
+        const int dx = shift();
+        const int dy = shift();
+        dots_.emplace_back(x + dx, y + dy);
+      }
+    }
+  }
+
+  StereoImages light(const StereoImages& scene) const {
+    StereoImages lit = scene;
+    lit.left = scene.left.clone();
+    lit.right = scene.right.clone();
+    for (const cv::Point& dot : dots_) {
+      draw(dot, &lit.left);
+      const int disparity = disparityAt(scene, dot);
+      if (disparity >= 0) draw(dot - cv::Point(disparity, 0), &lit.right);
+    }
+    return lit;
+  }
+
+ private:
+  /// Adds the light of a dot of a few pixels.
+  static void draw(const cv::Point& dot, cv::Mat* image) {
+    cv::Mat light(image->size(), CV_8UC1, cv::Scalar(0));
+    cv::circle(light, dot, 2, cv::Scalar(110), cv::FILLED, cv::LINE_AA);
+    cv::add(*image, light, *image);
+  }
+
+  static int disparityAt(const StereoImages& scene, const cv::Point& dot) {
+    constexpr int kRadius_px = 5;
+    constexpr int kMost_px = 80;
+    const cv::Rect patch(dot.x - kRadius_px, dot.y - kRadius_px, 2 * kRadius_px + 1,
+                         2 * kRadius_px + 1);
+    const int most = std::min(kMost_px, patch.x);
+    const cv::Rect strip(patch.x - most, patch.y, patch.width + most, patch.height);
+    cv::Mat scores;
+    cv::matchTemplate(scene.right(strip), scene.left(patch), scores, cv::TM_CCOEFF_NORMED);
+    double best = 0.0;
+    cv::Point at;
+    cv::minMaxLoc(scores, nullptr, &best, nullptr, &at);
+    return best > 0.7 ? most - at.x : -1;
+  }
+
+  std::vector<cv::Point> dots_;
+};
+
+TEST(SequenceCheck, FindsThePatternOfAProjector) {
+  for (const char* scene : {"indoor", "corridor"}) {
+    const LateCamera camera(scene, 0.0);
+    const Projector projector(camera.pair(0).left.size());
+    SequenceCheck check;
+    for (int i = 0; i < kFrames; ++i) check.add(projector.light(camera.pair(i)));
+    const SequenceMeasurement measurement = check.measurement();
+    std::cout << scene << ": " << measurement.resting << " of " << measurement.compared
+              << " rest, in " << measurement.resting_cells << " parts\n";
+    EXPECT_TRUE(measurement.hasRestingPattern()) << scene;
+  }
+}
+
+TEST(SequenceCheck, IsInterruptedByImagesItCannotUse) {
+  const LateCamera camera("indoor", 0.0);
+  SequenceCheck check;
+  EXPECT_EQ(check.measurement().frames, 0);
+  check.add({});
+  const StereoImages pair = camera.pair(0);
+  check.add(pair);
+  check.add(pair);  // the same stamp
+  StereoImages other = camera.pair(1);
+  other.right = cv::Mat(10, 10, CV_8UC1, cv::Scalar(0));
+  check.add(other);
+  StereoImages colour = camera.pair(2);
+  cv::cvtColor(colour.left, colour.left, cv::COLOR_GRAY2BGR);
+  check.add(colour);
+  check.add(camera.pair(3));
+  const SequenceMeasurement measurement = check.measurement();
+  EXPECT_EQ(measurement.frames, 3);
+  EXPECT_FALSE(measurement.delay_s);
+  EXPECT_EQ(measurement.compared, 0);
+  EXPECT_EQ(measurement.speed_px_s, 0.0);
+}
+
+/// Real cameras with a common trigger and without a projector.
+TEST(SequenceCheck, FindsNothingOnRealSequences) {
+  const char* data = std::getenv("POINT_LINE_ODOMETRY_DATA");
+  if (data == nullptr || !std::filesystem::is_directory(data)) {
+    GTEST_SKIP() << "no data: set POINT_LINE_ODOMETRY_DATA to the folder of the sequences";
+  }
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(data)) {
+    const bool kitti = std::filesystem::is_directory(entry.path() / "image_0");
+    if (!kitti && !std::filesystem::is_directory(entry.path() / "mav0")) continue;
+    const StereoDataset dataset = StereoDataset::open(entry.path().string());
+    std::optional<StereoRectifier> rectifier;
+    if (dataset.needsRectification()) rectifier.emplace(dataset.calibration());
+    SequenceCheck check;
+    for (std::size_t i = 0; i < std::min<std::size_t>(dataset.size(), 2 * kFrames); ++i) {
+      const StereoImages images = dataset.load(i);
+      check.add(rectifier ? rectifier->rectify(images) : images);
+    }
+    const SequenceMeasurement measurement = check.measurement();
+    std::cout << entry.path().filename() << ": " << 1e3 * measurement.delay_s.value_or(NAN)
+              << " +- " << 1e3 * measurement.delay_sigma_s << " ms; " << measurement.resting
+              << " of " << measurement.compared << " rest\n";
+    EXPECT_FALSE(measurement.notSimultaneous());
+    EXPECT_FALSE(measurement.hasRestingPattern());
+    ++count;
+  }
+  EXPECT_GE(count, 2);
+}
+
+}  // namespace
+}  // namespace point_line_odometry
