@@ -282,6 +282,24 @@ TEST(DoctorReportTest, WarnsOfUnequalExposure) {
   }
 }
 
+TEST(DoctorReportTest, WarnsOfALensThatIsDirtyOrPartlyCovered) {
+  for (const bool left : {true, false}) {
+    for (const bool covered : {true, false}) {
+      Camera camera;
+      cv::Mat& image = left ? camera.left_ : camera.right_;
+      cv::Mat part = image({image.cols / 3, image.rows / 3, image.cols / 3, image.rows / 2});
+      if (covered) {
+        part.setTo(20);
+      } else {
+        cv::GaussianBlur(part, part, {}, 12.0);
+      }
+      expectLine(camera.watch(), Subject::kImages, Level::kWarn,
+                 left ? "the left image has less" : "the right image has less",
+                 left ? "clean the left lens" : "clean the right lens");
+    }
+  }
+}
+
 TEST(DoctorReportTest, WarnsOfACalibrationOfAnotherResolution) {
   for (const double scale : {0.5, 0.8, 1.0, 1.2, 2.0}) {
     Camera camera;

@@ -63,8 +63,8 @@ StereoImages firstPair(const std::filesystem::path& folder) {
   return {first("image_0", "cam0"), first("image_1", "cam1"), 0};
 }
 
-/// Cameras without a fault: the doctor warns from 1.42 on.
-TEST(RealPairs, AreOfTheSameBrightness) {
+/// Cameras without a fault: the doctor warns from a ratio of 1.42, and a share of 0.03, on.
+TEST(RealPairs, AreOfTheSameBrightnessAndContrast) {
   const char* data = std::getenv("POINT_LINE_ODOMETRY_DATA");
   if (data == nullptr || !std::filesystem::is_directory(data)) {
     GTEST_SKIP() << "no data: set POINT_LINE_ODOMETRY_DATA to the folder of the sequences";
@@ -80,6 +80,8 @@ TEST(RealPairs, AreOfTheSameBrightness) {
     ++count;
     EXPECT_GT(measurement.brightness_ratio, 1.0 / 1.25) << entry.path();
     EXPECT_LT(measurement.brightness_ratio, 1.25) << entry.path();
+    EXPECT_LT(measurement.obscured_left, 0.01) << entry.path();
+    EXPECT_LT(measurement.obscured_right, 0.01) << entry.path();
   }
   EXPECT_GT(count, 2);
 }
@@ -145,6 +147,25 @@ TEST_P(PairCheckTest, MeasuresARotationThatTheMedianOffsetHides) {
   const PairMeasurement m = measurePair(pair().left, moved(pair().right, 0.0, turn_deg));
   ASSERT_TRUE(m.valid()) << m.matches;
   EXPECT_GT(m.vertical_disparity_px, 1.5);
+}
+
+TEST_P(PairCheckTest, MeasuresHowMuchOfALensIsObscured) {
+  const PairMeasurement clean = measurePair(pair().left, pair().right);
+  EXPECT_LT(clean.obscured_left, 0.01);
+  EXPECT_LT(clean.obscured_right, 0.01);
+  StereoImages dirty = pair();
+  dirty.right = pair().right.clone();
+  const cv::Rect spot(dirty.right.cols / 4, dirty.right.rows / 3, dirty.right.cols / 3,
+                      dirty.right.rows / 2);
+  dirty.right(spot).setTo(30);
+  const PairMeasurement covered = measurePair(dirty.left, dirty.right);
+  EXPECT_LT(3.0 * covered.obscured_left, covered.obscured_right) << "the cover has an edge";
+  EXPECT_GT(covered.obscured_right, 0.04);
+  EXPECT_LT(covered.obscured_right, 0.17) << "more than is covered";
+  dirty.right_mask = cv::Mat(dirty.right.size(), CV_8UC1, cv::Scalar(255));
+  dirty.right_mask(spot).setTo(0);
+  const PairMeasurement masked = measurePair(dirty.left, dirty.right, {}, dirty.right_mask);
+  EXPECT_LT(masked.obscured_right, 0.01) << "what is masked is left out";
 }
 
 TEST_P(PairCheckTest, SwappedCamerasHaveNegativeDisparities) {

@@ -9,6 +9,7 @@
 
 #include "common/statistics.h"
 #include "features/features.h"
+#include "matching/lens_check.h"
 #include "matching/patch_aligner.h"
 #include "matching/wide_matches.h"
 
@@ -162,6 +163,14 @@ PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right, const cv:
   measurement.contrast_left = contrastOf(left, left_mask);
   measurement.contrast_right = contrastOf(right, right_mask);
   measurement.identical = areIdentical(left, right);
+
+  if (left.size() == right.size()) {
+    const LensMeasurement lenses =
+        measureLenses(left, right, isMaskOf(left_mask, left) ? left_mask : cv::Mat(),
+                      isMaskOf(right_mask, right) ? right_mask : cv::Mat());
+    measurement.obscured_left = lenses.left_share;
+    measurement.obscured_right = lenses.right_share;
+  }
 
   const float band_px = wideBand_px(left.rows);
   std::vector<PixelPair> pairs =

@@ -21,6 +21,9 @@ struct PairMeasurement {
   double behind_infinity_share = 0.0;  ///< share of disparities clearly below 0
   double brightness_ratio = 1.0;       ///< median, right to left, of the grey levels around them
 
+  double obscured_left = 0.0;  ///< share of the image, see LensMeasurement
+  double obscured_right = 0.0;
+
   bool identical = false;  ///< both images are the same, byte for byte, and not of one colour
 
   bool valid() const { return matches >= kFewestMatches; }

@@ -50,6 +50,25 @@ std::optional<DoctorLine> unequalExposure(const PairMeasurement& pair) {
                      "have an auto-exposure each");
 }
 
+/// Part of one image without the contrast of the other one, and hardly any such part of that.
+std::optional<DoctorLine> obscuredLens(const PairMeasurement& pair) {
+  constexpr double kLeastShare = 0.03;
+  constexpr double kTimesTheOther = 3.0;  // more than what things before a plain wall do to both
+  if (!pair.valid()) return std::nullopt;
+  const bool left = pair.obscured_left > pair.obscured_right;
+  const double more = std::max(pair.obscured_left, pair.obscured_right);
+  const double less = std::min(pair.obscured_left, pair.obscured_right);
+  if (more < kLeastShare || more < kTimesTheOther * less) return std::nullopt;
+  const std::string side = left ? "left" : "right";
+  return failureLine(
+      Subject::kImages, Level::kWarn,
+      "the " + side + " image has less than a third of the other one's contrast in " +
+          number(100.0 * more, 0) + " % of its area",
+      "clean the " + side +
+          " lens, look for what covers a part of it, and focus it; mask what is part "
+          "of the robot");
+}
+
 DoctorLine evaluateImages(const DoctorFacts& facts) {
   const auto& [left, right] = facts.images;
   for (const auto& image : {left, right}) {
@@ -81,6 +100,7 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
     if (pair.contrast_left < kLeastContrast) return blank("left", pair.contrast_left);
     if (pair.contrast_right < kLeastContrast) return blank("right", pair.contrast_right);
     if (const auto line = unequalExposure(pair)) return *line;
+    if (const auto line = obscuredLens(pair)) return *line;
   }
   return okLine(Subject::kImages, sizeText(left->width, left->height) + " " + left->encoding);
 }
@@ -95,6 +115,10 @@ DoctorLine checkImages(const DoctorFacts& facts) {
   }
   if (facts.pair && facts.pair->valid()) {
     line.values.emplace_back("brightness, right to left", number(facts.pair->brightness_ratio, 2));
+    line.values.emplace_back("obscured in the left image [%]",
+                             number(100.0 * facts.pair->obscured_left, 1));
+    line.values.emplace_back("obscured in the right image [%]",
+                             number(100.0 * facts.pair->obscured_right, 1));
   }
   return line;
 }

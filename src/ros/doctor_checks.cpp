@@ -69,7 +69,8 @@ std::optional<PairMeasurement> PairTrend::current() const {
   for (double PairMeasurement::*field :
        {&PairMeasurement::row_offset_px, &PairMeasurement::vertical_disparity_px,
         &PairMeasurement::disparity_px, &PairMeasurement::behind_infinity_share,
-        &PairMeasurement::brightness_ratio}) {
+        &PairMeasurement::brightness_ratio, &PairMeasurement::obscured_left,
+        &PairMeasurement::obscured_right}) {
     current.*field = medianOf(window_, field);
   }
   return current;
