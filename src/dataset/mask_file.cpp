@@ -13,7 +13,7 @@ constexpr std::array<const char*, 2> kSides{"left", "right"};
 
 cv::Mat readMask(const std::string& file, const char* side) {
   const std::string name = std::string(side) + " mask '" + file + "'";
-  const cv::Mat image = readPng(file, cv::IMREAD_UNCHANGED);
+  cv::Mat image = readPng(file, cv::IMREAD_UNCHANGED);
   if (image.empty()) {
     throw InputError(name +
                      " cannot be read as a PNG: name a PNG of the camera's size, 0 where "
