@@ -35,7 +35,7 @@ double lowShare(const cv::Mat& contrast, const cv::Mat& reference, const cv::Mat
                 const cv::Range& columns) {
   constexpr double kThird = 1.0 / 3.0;
   constexpr double kLeastContrast = 4.0;  // more than noise
-  if (columns.size() <= 0) return 0.0;
+  if (columns.end <= columns.start) return 0.0;
   cv::Mat compared = reference.colRange(columns) > kLeastContrast;
   if (!excluded.empty()) compared.setTo(0, excluded.colRange(columns));
   const cv::Mat low = contrast.colRange(columns) < kThird * reference.colRange(columns);

@@ -69,6 +69,20 @@ std::optional<DoctorLine> obscuredLens(const PairMeasurement& pair) {
           "of the robot");
 }
 
+/// What is wrong with the contents of a pair, the worst first.
+std::optional<DoctorLine> pairFault(const PairMeasurement& pair) {
+  constexpr double kLeastContrast = 4.0;  // more than the noise of a covered lens
+  if (pair.identical) {
+    return failureLine(
+        Subject::kImages, Level::kError, "left and right images are the same",
+        "both topics carry one camera: correct the remapping or the driver's set-up");
+  }
+  if (pair.contrast_left < kLeastContrast) return blank("left", pair.contrast_left);
+  if (pair.contrast_right < kLeastContrast) return blank("right", pair.contrast_right);
+  if (auto line = unequalExposure(pair)) return line;
+  return obscuredLens(pair);
+}
+
 DoctorLine evaluateImages(const DoctorFacts& facts) {
   const auto& [left, right] = facts.images;
   for (const auto& image : {left, right}) {
@@ -90,17 +104,7 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
                        "calibrate for this resolution, or set binning and roi in camera_info");
   }
   if (facts.pair) {
-    if (facts.pair->identical) {
-      return failureLine(
-          Subject::kImages, Level::kError, "left and right images are the same",
-          "both topics carry one camera: correct the remapping or the driver's set-up");
-    }
-    constexpr double kLeastContrast = 4.0;  // more than the noise of a covered lens
-    const PairMeasurement& pair = *facts.pair;
-    if (pair.contrast_left < kLeastContrast) return blank("left", pair.contrast_left);
-    if (pair.contrast_right < kLeastContrast) return blank("right", pair.contrast_right);
-    if (const auto line = unequalExposure(pair)) return *line;
-    if (const auto line = obscuredLens(pair)) return *line;
+    if (const auto line = pairFault(*facts.pair)) return *line;
   }
   return okLine(Subject::kImages, sizeText(left->width, left->height) + " " + left->encoding);
 }
