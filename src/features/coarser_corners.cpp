@@ -2,18 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <limits>
-#include <opencv2/imgproc.hpp>
 
 #include "common/cell_grid.h"
 #include "common/statistics.h"
+#include "features/structure_tensor.h"
 
 namespace point_line_odometry {
 namespace {
 
-constexpr int kBorder = kCoarserBorder;
-constexpr int kBlockSide = 9;  // of the structure tensor [px of the level]
 // Corners in a cell / points/max_per_cell: more than the frame will use, as not all have a stereo
 // match.
 constexpr double kShareOfCell = 0.3;
@@ -24,25 +21,15 @@ constexpr float kMinDistance = 5.0F;  // to a stronger corner [px of the level o
 constexpr double kNoiseQuantile = 0.2;
 constexpr float kNoiseFactor = 2.0F;
 
-/// Local maxima, in pixels of the level.
-std::vector<Keypoint> localMaxima(const cv::Mat& level, int octave, const FeatureMask& mask) {
+/// Corners of a level, in its pixels.
+std::vector<Keypoint> cornersOf(const cv::Mat& level, int octave, const FeatureMask& mask) {
   std::vector<Keypoint> corners;
-  if (level.cols <= 2 * kBorder || level.rows <= 2 * kBorder) return corners;
-  cv::Mat response;
-  cv::cornerMinEigenVal(level, response, kBlockSide, 3);
-  cv::Mat largest;
-  cv::dilate(response, largest, cv::Mat());
-  for (int y = kBorder; y < level.rows - kBorder; ++y) {
-    const float* at = response.ptr<float>(y);
-    const float* largest_near = largest.ptr<float>(y);
-    for (int x = kBorder; x < level.cols - kBorder; ++x) {
-      if (!(at[x] > 0.0F) || at[x] < largest_near[x]) continue;
-      Keypoint corner;
-      corner.pixel = {static_cast<float>(x), static_cast<float>(y)};
-      corner.response = at[x];
-      corner.octave = octave;
-      if (mask.allowsPatch(corner.pixel, octave)) corners.push_back(corner);
-    }
+  for (const EigenvalueMaximum& maximum : minEigenvalueMaxima(level, kCoarserBorder)) {
+    Keypoint corner;
+    corner.pixel = {static_cast<float>(maximum.x), static_cast<float>(maximum.y)};
+    corner.response = maximum.value;
+    corner.octave = octave;
+    if (mask.allowsPatch(corner.pixel, octave)) corners.push_back(corner);
   }
   return corners;
 }
@@ -106,7 +93,7 @@ std::vector<Keypoint> detectCoarserCorners(const ImagePyramid& pyramid,
   Levels levels(static_cast<std::size_t>(num_coarser));
   const auto detect = [&](int task) {
     const auto index = static_cast<std::size_t>(task);
-    levels[index] = localMaxima(pyramid.levels[index + 1], task + 1, mask);
+    levels[index] = cornersOf(pyramid.levels[index + 1], task + 1, mask);
   };
   if (threads != nullptr) {
     threads->run(num_coarser, detect);

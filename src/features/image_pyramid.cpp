@@ -1,8 +1,8 @@
 #include "features/image_pyramid.h"
 
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
+#include "common/area_reduction.h"
 #include "features/orb_descriptor.h"
 
 namespace point_line_odometry {
@@ -15,9 +15,7 @@ void ImagePyramid::addLevels(const PointParameters& parameters) {
     const double scale = std::pow(parameters.scale_factor, octave);
     const cv::Size size(cvRound(image.cols / scale), cvRound(image.rows / scale));
     if (size.width <= kSmallest || size.height <= kSmallest) break;
-    cv::Mat level;
-    cv::resize(levels.back(), level, size, 0.0, 0.0, cv::INTER_AREA);
-    levels.push_back(level);
+    levels.push_back(areaReduced(levels.back(), size));
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <opencv2/core/hal/intrin.hpp>
 
 #include "common/processor_clones.h"
 
@@ -12,6 +13,12 @@ namespace {
 constexpr int kSide = CorrelationPatch::kSide;
 constexpr int kHalf = kSide / 2;
 constexpr int kArea = kSide * kSide;
+constexpr int kFour = 4;  // values of a vector
+
+/// Taken off the pixels, which changes no correlation: with 8 bits and a sign, all below fits into
+/// 32 bits.
+constexpr int kMiddleGrey = 128;
+static_assert(std::int64_t{kArea} * kArea * kMiddleGrey * kMiddleGrey <= 1 << 30);
 
 /// Pixels around the centres of a search, as 16 bits, which multiply and add fastest.
 struct SearchWindow {
@@ -27,7 +34,9 @@ struct SearchWindow {
         pixels(static_cast<std::size_t>(pitch) * (rows + kSide - 1)) {
     for (int y = 0; y < rows + kSide - 1; ++y) {
       const std::uint8_t* row = image.ptr<std::uint8_t>(first.y() - kHalf + y) + first.x() - kHalf;
-      std::copy(row, row + pitch, pixels.begin() + static_cast<std::ptrdiff_t>(y) * pitch);
+      std::transform(
+          row, row + pitch, pixels.begin() + static_cast<std::ptrdiff_t>(y) * pitch,
+          [](std::uint8_t value) { return static_cast<std::int16_t>(value - kMiddleGrey); });
     }
   }
 };
@@ -52,12 +61,12 @@ void sumProducts(const std::int16_t* patch, const std::int16_t* window, int pitc
   }
 }
 
-/// Running sums of kSide columns.
-void sumColumns(const std::vector<std::int32_t>& columns, std::vector<std::int32_t>* sums) {
+/// Running sums of kSide columns, at `size` positions.
+void sumColumns(const std::vector<std::int32_t>& columns, std::size_t size, std::int32_t* sums) {
   std::int32_t sum = std::accumulate(columns.begin(), columns.begin() + kSide, 0);
-  for (std::size_t x = 0; x < sums->size(); ++x) {
-    (*sums)[x] = sum;
-    if (x + 1 < sums->size()) sum += columns[x + kSide] - columns[x];
+  for (std::size_t x = 0; x < size; ++x) {
+    sums[x] = sum;
+    if (x + 1 < size) sum += columns[x + kSide] - columns[x];
   }
 }
 
@@ -74,7 +83,27 @@ void addRow(const std::int16_t* row, int size, int sign, std::int32_t* values,
 
 /// Square root of n times the sum of squared differences from the mean.
 float normOf(std::int32_t sum, std::int32_t squares) {
-  return std::sqrt(static_cast<float>(std::int64_t{kArea} * squares - std::int64_t{sum} * sum));
+  return std::sqrt(static_cast<float>(kArea * squares - sum * sum));
+}
+
+/// Correlations of a patch with those of a row; 0 where they are negative, and for uniform ones.
+/// Whole vectors are read and written: `size` is rounded up to four.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void correlateRow(const std::int32_t* values, const std::int32_t* squares,
+                  const std::int32_t* products, int size, std::int32_t patch_sum, float patch_norm,
+                  float* correlations) {
+  const cv::v_int32x4 area = cv::v_setall_s32(kArea);
+  const cv::v_int32x4 sum = cv::v_setall_s32(patch_sum);
+  const cv::v_float32x4 norm = cv::v_setall_f32(patch_norm);
+  const cv::v_float32x4 zero = cv::v_setzero_f32();
+  for (int x = 0; x < size; x += kFour) {
+    const cv::v_int32x4 value = cv::v_load(values + x);
+    const cv::v_int32x4 square = cv::v_load(squares + x);
+    const cv::v_int32x4 product = cv::v_load(products + x);
+    const cv::v_float32x4 covariance = v_cvt_f32(area * product - sum * value);
+    const cv::v_float32x4 window_norm = v_sqrt(v_cvt_f32(area * square - value * value));
+    v_store(correlations + x, v_select(covariance > zero, covariance / (norm * window_norm), zero));
+  }
 }
 
 /// Centres of all patches in an image.
@@ -105,30 +134,25 @@ std::vector<float> CorrelationPatch::correlations(const cv::Mat& image,
                                                   const Eigen::Vector2i& first,
                                                   const Eigen::Vector2i& last) const {
   const SearchWindow window(image, first, last);
-  const auto size = static_cast<std::size_t>(window.columns);
-  RowSums sums{std::vector<std::int32_t>(size), std::vector<std::int32_t>(size),
-               std::vector<std::int32_t>(size)};
+  const auto columns = static_cast<std::size_t>(window.columns);
+  const std::size_t padded = columns + kFour;
+  RowSums sums{std::vector<std::int32_t>(padded), std::vector<std::int32_t>(padded),
+               std::vector<std::int32_t>(padded)};
   std::vector<std::int32_t> column_values(static_cast<std::size_t>(window.pitch));
   std::vector<std::int32_t> column_squares(static_cast<std::size_t>(window.pitch));
-  std::vector<float> result;
-  result.reserve(size * static_cast<std::size_t>(window.rows));
+  std::vector<float> result(columns * static_cast<std::size_t>(window.rows) + kFour);
   for (int y = 0; y < window.rows; ++y) {
     const std::int16_t* row = window.pixels.data() + static_cast<std::ptrdiff_t>(y) * window.pitch;
     for (int r = y == 0 ? 0 : kSide - 1; r < kSide; ++r)
       addRow(row + r * window.pitch, window.pitch, 1, column_values.data(), column_squares.data());
-    sumColumns(column_values, &sums.values);
-    sumColumns(column_squares, &sums.squares);
+    sumColumns(column_values, columns, sums.values.data());
+    sumColumns(column_squares, columns, sums.squares.data());
     sumProducts(values_.data(), row, window.pitch, window.columns, sums.products.data());
-    for (std::size_t x = 0; x < size; ++x) {
-      const std::int64_t covariance =
-          std::int64_t{kArea} * sums.products[x] - std::int64_t{sum_} * sums.values[x];
-      // Positive only for patches that are not uniform.
-      result.push_back(covariance > 0 ? static_cast<float>(covariance) /
-                                            (norm_ * normOf(sums.values[x], sums.squares[x]))
-                                      : 0.0F);
-    }
+    correlateRow(sums.values.data(), sums.squares.data(), sums.products.data(), window.columns,
+                 sum_, norm_, result.data() + static_cast<std::size_t>(y) * columns);
     addRow(row, window.pitch, -1, column_values.data(), column_squares.data());
   }
+  result.resize(result.size() - kFour);
   return result;
 }
 
