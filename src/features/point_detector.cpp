@@ -112,7 +112,9 @@ std::vector<Keypoint> PointDetector::detectFinest(const cv::Mat& image, const Fe
   const std::vector<FastCorner>& corners =
       scratch_->corners.detect(image, parameters_.fast_threshold, kBorder,
                                {parameters_.cell_size_px, parameters_.max_per_cell}, mask.points());
-  for (const FastCorner& corner : scratch_->selector.select(corners, inside, parameters_)) {
+  const std::vector<FastCorner>& selected = scratch_->selector.select(corners, inside, parameters_);
+  keypoints.reserve(selected.size());
+  for (const FastCorner& corner : selected) {
     Keypoint keypoint;
     keypoint.pixel = {static_cast<float>(corner.x), static_cast<float>(corner.y)};
     keypoint.response = corner.score;
