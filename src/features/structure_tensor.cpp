@@ -47,14 +47,18 @@ void sobelRow(const std::uint8_t* __restrict above, const std::uint8_t* __restri
 
 /// Adds a row's products, and takes away those of the row that leaves the block.
 POINT_LINE_ODOMETRY_CLONES("avx2")
-void moveBlock(const std::int16_t* __restrict gx, const std::int16_t* __restrict gy,
-               const std::int16_t* __restrict gx_left, const std::int16_t* __restrict gy_left,
-               int width, std::int32_t* __restrict xx, std::int32_t* __restrict xy,
-               std::int32_t* __restrict yy) {
+void moveBlock(const Gradients& enters, const Gradients& leaves, int width, ColumnSums* sums) {
+  const std::int16_t* __restrict gx = enters.x.data();
+  const std::int16_t* __restrict gy = enters.y.data();
+  const std::int16_t* __restrict old_gx = leaves.x.data();
+  const std::int16_t* __restrict old_gy = leaves.y.data();
+  std::int32_t* __restrict xx = sums->xx.data();
+  std::int32_t* __restrict xy = sums->xy.data();
+  std::int32_t* __restrict yy = sums->yy.data();
   for (int x = 0; x < width; ++x) {
-    xx[x] += gx[x] * gx[x] - gx_left[x] * gx_left[x];
-    xy[x] += gx[x] * gy[x] - gx_left[x] * gy_left[x];
-    yy[x] += gy[x] * gy[x] - gy_left[x] * gy_left[x];
+    xx[x] += gx[x] * gx[x] - old_gx[x] * old_gx[x];
+    xy[x] += gx[x] * gy[x] - old_gx[x] * old_gy[x];
+    yy[x] += gy[x] * gy[x] - old_gy[x] * old_gy[x];
   }
 }
 
@@ -120,8 +124,7 @@ class EigenvalueRows {
     const Gradients& leaves = gradients_[index(y + 1, kSide + 1)];  // row y - kSide; zeros at first
     sobelRow(image_.ptr<std::uint8_t>(y - 1), image_.ptr<std::uint8_t>(y),
              image_.ptr<std::uint8_t>(y + 1), image_.cols, enters.x.data(), enters.y.data());
-    moveBlock(enters.x.data(), enters.y.data(), leaves.x.data(), leaves.y.data(), image_.cols,
-              sums_.xx.data(), sums_.xy.data(), sums_.yy.data());
+    moveBlock(enters, leaves, image_.cols, &sums_);
   }
 
   /// Computes the eigenvalues in the middle row of the block, which is full.

@@ -87,11 +87,13 @@ float normOf(std::int32_t sum, std::int32_t squares) {
 }
 
 /// Correlations of a patch with those of a row; 0 where they are negative, and for uniform ones.
-/// Whole vectors are read and written: `size` is rounded up to four.
+/// Whole vectors are read and written: size is rounded up to four.
 POINT_LINE_ODOMETRY_CLONES("avx2")
-void correlateRow(const std::int32_t* values, const std::int32_t* squares,
-                  const std::int32_t* products, int size, std::int32_t patch_sum, float patch_norm,
+void correlateRow(const RowSums& sums, int size, std::int32_t patch_sum, float patch_norm,
                   float* correlations) {
+  const std::int32_t* values = sums.values.data();
+  const std::int32_t* squares = sums.squares.data();
+  const std::int32_t* products = sums.products.data();
   const cv::v_int32x4 area = cv::v_setall_s32(kArea);
   const cv::v_int32x4 sum = cv::v_setall_s32(patch_sum);
   const cv::v_float32x4 norm = cv::v_setall_f32(patch_norm);
@@ -148,8 +150,8 @@ std::vector<float> CorrelationPatch::correlations(const cv::Mat& image,
     sumColumns(column_values, columns, sums.values.data());
     sumColumns(column_squares, columns, sums.squares.data());
     sumProducts(values_.data(), row, window.pitch, window.columns, sums.products.data());
-    correlateRow(sums.values.data(), sums.squares.data(), sums.products.data(), window.columns,
-                 sum_, norm_, result.data() + static_cast<std::size_t>(y) * columns);
+    correlateRow(sums, window.columns, sum_, norm_,
+                 result.data() + static_cast<std::size_t>(y) * columns);
     addRow(row, window.pitch, -1, column_values.data(), column_squares.data());
   }
   result.resize(result.size() - kFour);
