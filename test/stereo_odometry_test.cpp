@@ -127,6 +127,8 @@ TEST(StereoOdometry, FindsAMotionFarFromThePrediction) {
 TEST(StereoOdometry, ObservedPointsProjectToTheirPixels) {
   const FrameResult result = run(roomParameters()).back();
   ASSERT_GT(result.points.size(), 20U);
+  float squares = 0.0F;
+  float vertical = 0.0F;
   for (const ObservedPoint& point : result.points) {
     EXPECT_LT(
         (kCamera.projectLeft(point.p_camera.cast<double>()) - point.left_px.cast<double>()).norm(),
@@ -134,7 +136,16 @@ TEST(StereoOdometry, ObservedPointsProjectToTheirPixels) {
     EXPECT_LT((kCamera.projectRight(point.p_camera.cast<double>()) - point.right_px.cast<double>())
                   .norm(),
               3.0);
+    // Of an exact camera: noise only, and none of what is no inlier.
+    EXPECT_LT(point.residual_px.norm(), 3.0F);
+    if (!point.inlier) EXPECT_EQ(point.residual_px.norm(), 0.0F);
+    squares += point.residual_px.squaredNorm();
+    vertical += std::abs(point.vertical_disparity_px);
   }
+  const auto count = static_cast<float>(result.points.size());
+  EXPECT_GT(squares, 0.0F);
+  EXPECT_LT(std::sqrt(squares / count), 0.7F);
+  EXPECT_LT(vertical / count, 0.4F);
   for (const ObservedLine& line : result.lines) {
     EXPECT_LT(
         (kCamera.projectLeft(line.start_camera.cast<double>()) - line.left_px.start.cast<double>())

@@ -106,6 +106,10 @@ struct ObservedPoint {
   Eigen::Vector2f right_px = Eigen::Vector2f::Zero();  ///< pixel in the right image
   Eigen::Vector3f p_camera = Eigen::Vector3f::Zero();  ///< [m]
   bool inlier = false;                                 ///< it agrees with the motion
+  /// Reprojection residual of the motion since the previous frame, observed minus projected [px]:
+  /// u and v in the left image, u in the right one; zero if it is no inlier.
+  Eigen::Vector3f residual_px = Eigen::Vector3f::Zero();
+  float vertical_disparity_px = 0.0F;  ///< v in the right image minus v in the left one
 };
 
 /// A matched segment, in the current left camera.

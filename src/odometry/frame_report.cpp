@@ -2,6 +2,8 @@
 
 #include <vector>
 
+#include "motion/residuals.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -47,18 +49,31 @@ FrameCounts countTracked(const OdometryState& state, const StereoFrame& curr,
   return counts;
 }
 
+/// Of a match by the motion from frame to frame; zero if it is no inlier.
+Eigen::Vector3f residualOf(const TrackingResult& tracked, const StereoCamera& camera,
+                           std::size_t match) {
+  if (!tracked.frame_to_frame.point_inliers[match]) return Eigen::Vector3f::Zero();
+  const PointResidual<ResidualImages::kBoth> residual(tracked.correspondences.points[match], camera,
+                                                      tracked.frame_to_frame.T_curr_prev);
+  return residual.valid ? residual.value.cast<float>() : Eigen::Vector3f::Zero().eval();
+}
+
 /// The features of the frame for display: matched ones with their positions, and the others.
-void observeFeatures(const StereoFrame& curr, const CircularMatches& matches,
-                     const MotionEstimate& motion, FrameResult* result) {
+void observeFeatures(const StereoFrame& curr, const StereoCamera& camera,
+                     const TrackingResult& tracked, FrameResult* result) {
+  const CircularMatches& matches = tracked.matches;
+  const MotionEstimate& motion = tracked.frame_to_frame;
   std::vector<bool> point_shown(curr.features.points_left.size(), false);
   std::vector<bool> line_shown(curr.features.lines_left.size(), false);
   for (std::size_t i = 0; i < matches.points.size(); ++i) {
     const StereoPoint& point = curr.points[matches.points[i].second];
     point_shown[point.left] = true;
     if (point.far) continue;  // its depth is unknown
-    result->points.push_back(
-        {curr.features.points_left[point.left].pixel, curr.features.points_right[point.right].pixel,
-         point.triangulated.p_camera.cast<float>(), bool(motion.point_inliers[i])});
+    const Eigen::Vector2f& left_px = curr.features.points_left[point.left].pixel;
+    result->points.push_back({left_px, curr.features.points_right[point.right].pixel,
+                              point.triangulated.p_camera.cast<float>(),
+                              bool(motion.point_inliers[i]), residualOf(tracked, camera, i),
+                              point.right_px.y() - left_px.y()});
   }
   for (std::size_t i = 0; i < matches.lines.size(); ++i) {
     const StereoLine& line = curr.lines[matches.lines[i].second];
@@ -102,7 +117,7 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
   return TrackingReason::kNone;
 }
 
-void reportTracking(const OdometryState& state, const StereoFrame& curr,
+void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
                     const TrackingResult& tracked, const FramePrior& prior, FrameResult* result) {
   result->reason = tracked.weak ? TrackingReason::kWeakMotion : tracked.reason;
   result->rms_px = tracked.motion.rms_px;
@@ -111,7 +126,7 @@ void reportTracking(const OdometryState& state, const StereoFrame& curr,
   result->counts = countTracked(state, curr, tracked);
   result->prior = reportPrior(tracked, prior);
   if (!tracked.in_lost_map) result->image_motion = tracked.image_motion;
-  observeFeatures(curr, tracked.matches, tracked.frame_to_frame, result);
+  observeFeatures(curr, camera, tracked, result);
 }
 
 }  // namespace point_line_odometry

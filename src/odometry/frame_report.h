@@ -17,8 +17,9 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
 
 /// Fills a result with what was detected and tracked in a frame: reason, residuals, counts,
 /// features.
-/// \param state before its update by the frame. \param prior of the frame.
-void reportTracking(const OdometryState& state, const StereoFrame& curr,
+/// \param state before its update by the frame. \param camera of the images as they are processed.
+/// \param prior of the frame.
+void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
                     const TrackingResult& tracked, const FramePrior& prior, FrameResult* result);
 
 }  // namespace point_line_odometry

@@ -63,6 +63,8 @@ void ImageScaling::toInputPixels(FrameResult* result) const {
   for (ObservedPoint& point : result->points) {
     toInput(&point.left_px);
     toInput(&point.right_px);
+    point.residual_px *= ratio;
+    point.vertical_disparity_px *= ratio;
   }
   for (ObservedLine& line : result->lines) {
     segmentToInput(&line.left_px);

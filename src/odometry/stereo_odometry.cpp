@@ -105,7 +105,7 @@ void StereoOdometry::Impl::update(StereoFrame curr, const FrameContext& context,
                                   const TrackingResult& tracked, const FramePrior& prior,
                                   FrameResult* result) {
   if (tracked.in_lost_map) state.returnToLostMap();
-  reportTracking(state, curr, tracked, prior, result);
+  reportTracking(state, curr, context.camera, tracked, prior, result);
   state.failed_windows = 0;
   state.update(std::move(curr), context, tracked, prior, threads.get(), &result->times);
   const StageTimer timer(&result->times, Stage::kUpdateMap);
