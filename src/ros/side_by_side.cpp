@@ -1,15 +1,12 @@
 #include "ros/side_by_side.h"
 
 #include <sensor_msgs/image_encodings.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cstdint>
-#include <filesystem>
-#include <vector>
-
-#include "common/input_error.h"
+#include <stdexcept>
+#include <string>
 
 namespace point_line_odometry {
 namespace {
@@ -29,33 +26,6 @@ std::uint32_t bytesPerPixel(const std::string& encoding) {
 
 bool sharesPixels(const std::string& encoding) {
   return encodings::isBayer(encoding) || encoding.rfind("yuv422", 0) == 0;
-}
-
-template <std::size_t kSize>
-void readNumbers(const YAML::Node& root, const char* name, boost::array<double, kSize>* numbers) {
-  const auto values = root[name]["data"].as<std::vector<double>>();
-  if (values.size() != kSize) {
-    throw InputError(std::string(name) + " has " + std::to_string(values.size()) +
-                     " numbers instead of " + std::to_string(kSize));
-  }
-  std::copy(values.begin(), values.end(), numbers->begin());
-}
-
-sensor_msgs::CameraInfo toInfo(const YAML::Node& root) {
-  for (const char* name :
-       {"image_width", "image_height", "distortion_model", "camera_matrix",
-        "distortion_coefficients", "rectification_matrix", "projection_matrix"}) {
-    if (!root.IsMap() || !root[name]) throw InputError(std::string(name) + " is missing");
-  }
-  sensor_msgs::CameraInfo info;
-  info.width = root["image_width"].as<std::uint32_t>();
-  info.height = root["image_height"].as<std::uint32_t>();
-  info.distortion_model = root["distortion_model"].as<std::string>();
-  info.D = root["distortion_coefficients"]["data"].as<std::vector<double>>();
-  readNumbers(root, "camera_matrix", &info.K);
-  readNumbers(root, "rectification_matrix", &info.R);
-  readNumbers(root, "projection_matrix", &info.P);
-  return info;
 }
 
 }  // namespace
@@ -94,19 +64,6 @@ std::array<sensor_msgs::ImagePtr, 2> cutInTwo(const sensor_msgs::Image& image) {
     halves[i] = cut;
   }
   return halves;
-}
-
-sensor_msgs::CameraInfo readCameraInfo(const std::string& file) {
-  if (!std::filesystem::is_regular_file(file))
-    throw InputError("calibration '" + file + "' does not exist: check the path");
-  try {
-    return toInfo(YAML::LoadFile(file));
-  } catch (const YAML::Exception& error) {
-    throw InputError("calibration '" + file + "' cannot be read: " + error.what());
-  } catch (const InputError& error) {
-    throw InputError("calibration '" + file + "': " + error.what() +
-                     "; it must be as camera_calibration writes it");
-  }
 }
 
 }  // namespace point_line_odometry

@@ -1,10 +1,8 @@
 #pragma once
 
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <array>
-#include <string>
 
 #include "ros/conversions.h"
 
@@ -15,9 +13,5 @@ namespace point_line_odometry {
 /// MessageError if the width is odd (or that of a half, where it must be even), or if sizes
 /// contradict each other.
 std::array<sensor_msgs::ImagePtr, 2> cutInTwo(const sensor_msgs::Image& image);
-
-/// The camera_info in a file as camera_calibration and camera_info_manager write it (YAML). Throws
-/// InputError that names what is missing or wrong in it.
-sensor_msgs::CameraInfo readCameraInfo(const std::string& file);
 
 }  // namespace point_line_odometry

@@ -6,6 +6,8 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
+#include "dataset/camera_info_file.h"
+#include "ros/calibration_conversion.h"
 #include "ros/side_by_side.h"
 
 namespace point_line_odometry {
@@ -37,7 +39,7 @@ void SideBySideNodelet::start() {
     side.frame = own.param<std::string>(names[i] + "_frame_id", "");
     side.images = transport.advertise(names[i] + "/image_raw", kQueueSize);
     if (file.empty()) continue;
-    side.info = readCameraInfo(file);
+    side.info = toCameraInfo(readCameraInfo(file), {});
     side.infos = nh.advertise<sensor_msgs::CameraInfo>(names[i] + "/camera_info", kQueueSize);
   }
   const image_transport::TransportHints hints(own.param<std::string>("image_transport", "raw"),

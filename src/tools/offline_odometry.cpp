@@ -47,6 +47,7 @@ struct Options {
   std::string left_topic;
   std::string right_topic;
   double max_interval_s = 0.0;
+  CameraInfoFiles camera_infos;
   MaskRequest masks;
   std::string wheel_topic;
   long max_frames = 0;  // 0: all
@@ -89,11 +90,12 @@ std::unique_ptr<StereoSource> openInput(const Options& options, const RecordedRu
   return openFolder(options.input);
 }
 
-/// The input with the requested masks, frames and image size.
+/// The input with the requested calibration, masks, frames and image size.
 std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
   MaskRequest masks = options.masks;
   if (recorded != nullptr) masks.of_source = true;
-  std::unique_ptr<StereoSource> source = masked(openInput(options, recorded), masks);
+  std::unique_ptr<StereoSource> source =
+      masked(calibrated(openInput(options, recorded), options.camera_infos), masks);
   if (options.every > 1) {
     source = everyNth(std::move(source), static_cast<std::size_t>(options.every));
   }
@@ -268,6 +270,11 @@ po::options_description describeInput(Options* options) {
        "right images of a bag; default: by the name of the left ones")
       ("approximate-sync", po::value(&options->max_interval_s)->value_name("SECONDS"),
        "pair images of a bag whose stamps differ by up to this; default: equal stamps")
+      ("left-camera-info", po::value(&options->camera_infos[0])->value_name("FILE"),
+       "calibration of the left camera, a yaml file of camera_calibration, in place of the input's;\n"
+       "images that were rectified already are rectified again by it")
+      ("right-camera-info", po::value(&options->camera_infos[1])->value_name("FILE"),
+       "the same for the right camera")
       ("left-mask", po::value(&options->masks.files[0])->value_name("FILE"),
        "image of the left camera's size, 0 where its pixels are to be ignored")
       ("right-mask", po::value(&options->masks.files[1])->value_name("FILE"),

@@ -1,13 +1,17 @@
 #include "tools/source_filters.h"
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/image_resize.h"
 #include "common/input_error.h"
+#include "dataset/camera_info_file.h"
 
 namespace point_line_odometry {
 namespace {
@@ -56,6 +60,65 @@ class EveryNthSource : public SourceFilter {
  private:
   std::size_t n_;
   bool begun_ = false;
+};
+
+/// Whether rectification by this changes nothing: K = P, no distortion, no rotation.
+bool isOfRectifiedImages(const CameraCalibration& camera) {
+  constexpr double kSame_px = 1e-6;
+  constexpr double kSame = 1e-9;
+  const bool undistorted =
+      std::all_of(camera.D.begin(), camera.D.end(), [](double d) { return std::abs(d) < kSame; });
+  return undistorted && camera.R.isIdentity(kSame) &&
+         (camera.K - camera.P.leftCols<3>()).cwiseAbs().maxCoeff() < kSame_px;
+}
+
+/// Rectified images may come without a K.
+bool areOfRectifiedImages(const StereoCalibration& calibration) {
+  const auto is = [](const CameraCalibration& camera) {
+    return camera.K.isZero(0.0) || isOfRectifiedImages(camera);
+  };
+  return is(calibration.left) && is(calibration.right);
+}
+
+class CalibratedSource : public SourceFilter {
+ public:
+  CalibratedSource(std::unique_ptr<StereoSource> source, const CameraInfoFiles& files)
+      : SourceFilter(std::move(source)), calibration_(this->source().calibration()) {
+    const bool raw = this->source().needsRectification();
+    if (!raw && !areOfRectifiedImages(calibration_)) {
+      throw InputError(
+          "camera_info files are of the images as the camera takes them, but these here were "
+          "rectified from such: give the raw images");
+    }
+    replace(files[0], &calibration_.left);
+    replace(files[1], &calibration_.right);
+    needs_rectification_ = raw || !areOfRectifiedImages(calibration_);
+    try {
+      rectifiedCamera(calibration_);
+      if (needs_rectification_) StereoRectifier{calibration_};
+    } catch (const std::invalid_argument& error) {
+      throw InputError(std::string("the camera_info files cannot be used: ") + error.what());
+    }
+  }
+
+  const StereoCalibration& calibration() const override { return calibration_; }
+  bool needsRectification() const override { return needs_rectification_; }
+  std::optional<StereoImages> next() override { return source().next(); }
+
+ private:
+  static void replace(const std::string& file, CameraCalibration* camera) {
+    if (file.empty()) return;
+    const CameraCalibration given = readCameraInfo(file);
+    if (given.width != camera->width || given.height != camera->height) {
+      throw InputError("camera_info file '" + file + "' is for " + std::to_string(given.width) +
+                       " x " + std::to_string(given.height) + ", but the images are " +
+                       std::to_string(camera->width) + " x " + std::to_string(camera->height));
+    }
+    *camera = given;
+  }
+
+  StereoCalibration calibration_;
+  bool needs_rectification_ = false;
 };
 
 class MaskedSource : public SourceFilter {
@@ -125,6 +188,12 @@ class ScaledSource : public SourceFilter {
 
 std::unique_ptr<StereoSource> everyNth(std::unique_ptr<StereoSource> source, std::size_t n) {
   return std::make_unique<EveryNthSource>(std::move(source), n);
+}
+
+std::unique_ptr<StereoSource> calibrated(std::unique_ptr<StereoSource> source,
+                                         const CameraInfoFiles& files) {
+  if (files[0].empty() && files[1].empty()) return source;
+  return std::make_unique<CalibratedSource>(std::move(source), files);
 }
 
 std::unique_ptr<StereoSource> masked(std::unique_ptr<StereoSource> source,

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <string>
 
+#include "dataset/camera_info_file.h"
 #include "dataset/dataset.h"
 #include "dataset/dataset_writer.h"
 #include "dataset/mask_file.h"
@@ -171,6 +172,27 @@ void fuzzPriors(const std::uint8_t* data, std::size_t size) {
   } catch (const InputError&) {
     // the documented error of an unusable file
   }
+}
+
+void fuzzCameraInfoFile(const std::uint8_t* data, std::size_t size) {
+  static const ScratchFolder folder;
+  const auto read = [](const std::string& text) {
+    folder.write("camera.yaml", text);
+    return readCameraInfo(folder.file("camera.yaml").string());
+  };
+  CameraCalibration camera;
+  try {
+    camera = read(toText(data, size));
+  } catch (const InputError&) {
+    return;  // the documented error of an unusable file
+  }
+  require(camera.width > 0 && camera.height > 0, "a camera has a size");
+  require(camera.K.allFinite() && camera.R.allFinite() && camera.P.allFinite(),
+          "matrices are finite");
+  camera.distortion_model = "plumb_bob";  // any text is read, which yaml may have to quote
+  const CameraCalibration again = read(formatCameraInfo(camera, "camera"));
+  require(again.K == camera.K && again.R == camera.R && again.P == camera.P && again.D == camera.D,
+          "formatCameraInfo() keeps every bit");
 }
 
 void fuzzMask(const std::uint8_t* data, std::size_t size) {

@@ -39,6 +39,9 @@ void fuzzEuroc(const std::uint8_t* data, std::size_t size);
 /// A text: readPriors().
 void fuzzPriors(const std::uint8_t* data, std::size_t size);
 
+/// A text: readCameraInfo(), and the output of formatCameraInfo() is read back unchanged.
+void fuzzCameraInfoFile(const std::uint8_t* data, std::size_t size);
+
 /// A mask file: StaticMasks. The same bytes, of which the first four are encoding, width, height
 /// and step, as a message: toMask().
 void fuzzMask(const std::uint8_t* data, std::size_t size);
@@ -55,9 +58,10 @@ struct FuzzTarget {
   void (*run)(const std::uint8_t* data, std::size_t size);
 };
 
-constexpr std::array<FuzzTarget, 10> kFuzzTargets{{
+constexpr std::array<FuzzTarget, 11> kFuzzTargets{{
     {"image", fuzzImage},
     {"camera_info", fuzzCameraInfo},
+    {"camera_info_file", fuzzCameraInfoFile},
     {"stereo_messages", fuzzStereoMessages},
     {"trajectory", fuzzTrajectory},
     {"kitti", fuzzKitti},

@@ -1,0 +1,166 @@
+#include "motion/corrected_calibration.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <vector>
+
+#include "geometry/se3.h"
+
+namespace point_line_odometry {
+namespace {
+
+/// Pixels as columns.
+using Pixels = Eigen::Matrix2Xd;
+
+constexpr std::size_t kFirstTangential = 2;  // index in D of plumb_bob and rational_polynomial
+
+/// Change of a camera: rotation vector, fx, fy, cx, cy, and the two tangential coefficients if the
+/// model has these.
+class CameraChange {
+ public:
+  explicit CameraChange(const CameraCalibration& camera)
+      : camera_(camera), has_tangential_(camera.distortion_model != "equidistant") {
+    if (has_tangential_ && camera_.D.size() < 4) camera_.D.assign(5, 0.0);
+    if (camera_.distortion_model.empty()) camera_.distortion_model = "plumb_bob";
+  }
+
+  int size() const { return has_tangential_ ? 9 : 7; }
+
+  CameraCalibration apply(const Eigen::VectorXd& change) const {
+    CameraCalibration changed = camera_;
+    changed.R = expSO3(change.head<3>()) * camera_.R;
+    changed.K(0, 0) += change[3];
+    changed.K(1, 1) += change[4];
+    changed.K(0, 2) += change[5];
+    changed.K(1, 2) += change[6];
+    if (has_tangential_) {
+      changed.D[kFirstTangential] += change[7];
+      changed.D[kFirstTangential + 1] += change[8];
+    }
+    return changed;
+  }
+
+ private:
+  CameraCalibration camera_;
+  bool has_tangential_;
+};
+
+/// Pixels of the raw image that are seen at pixels of the rectified one.
+Pixels toRaw(const CameraCalibration& camera, const Pixels& rectified) {
+  const Eigen::Matrix3d rays = camera.R.transpose() * camera.P.leftCols<3>().inverse();
+  const bool fisheye = camera.distortion_model == "equidistant";
+  std::vector<cv::Point3d> points;
+  points.reserve(static_cast<std::size_t>(rectified.cols()));
+  for (Eigen::Index i = 0; i < rectified.cols(); ++i) {
+    const Eigen::Vector3d ray = rays * rectified.col(i).homogeneous();
+    points.emplace_back(ray.x(), ray.y(), ray.z());
+  }
+  cv::Matx33d K;
+  cv::eigen2cv(camera.K, K);
+  const std::vector<double> D = camera.D.empty() ? std::vector<double>(4, 0.0) : camera.D;
+  std::vector<cv::Point2d> projected;
+  const cv::Vec3d none(0.0, 0.0, 0.0);
+  if (fisheye) {
+    cv::fisheye::projectPoints(points, projected, none, none, K, D);
+  } else {
+    cv::projectPoints(points, none, none, K, D, projected);
+  }
+  Pixels raw(2, rectified.cols());
+  for (Eigen::Index i = 0; i < raw.cols(); ++i) {
+    const cv::Point2d& pixel = projected[static_cast<std::size_t>(i)];
+    raw.col(i) << pixel.x, pixel.y;
+  }
+  return raw;
+}
+
+Pixels gridOf(int width, int height) {
+  constexpr int kColumns = 33;
+  constexpr int kRows = 17;
+  Pixels grid(2, kColumns * kRows);
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) {
+      grid.col(row * kColumns + column) << column * (width - 1.0) / (kColumns - 1),
+          row * (height - 1.0) / (kRows - 1);
+    }
+  }
+  return grid;
+}
+
+FieldSize sizeOf(const Pixels& field) {
+  const Eigen::VectorXd amounts = field.colwise().norm();
+  return {std::sqrt(amounts.squaredNorm() / static_cast<double>(amounts.size())),
+          amounts.maxCoeff()};
+}
+
+Eigen::VectorXd flattened(const Pixels& pixels) {
+  return Eigen::Map<const Eigen::VectorXd>(pixels.data(), pixels.size());
+}
+
+/// A step of each parameter for numeric derivatives: about a hundredth of a pixel at the side of
+/// the image.
+Eigen::VectorXd differenceSteps(const CameraCalibration& camera, int size) {
+  constexpr double kStep_px = 0.01;
+  const double by_angle = kStep_px / camera.K(0, 0);
+  Eigen::VectorXd steps = Eigen::VectorXd::Constant(size, by_angle);
+  steps.segment<4>(3).setConstant(kStep_px);
+  return steps;
+}
+
+/// Gauss-Newton, in parameters that each move pixels by 1 px (root mean square). They are kept near
+/// the given camera: what hardly differs over this field of view, such as a shift of the principal
+/// point and a rotation, would take large opposite values.
+Eigen::VectorXd fit(const CameraChange& change, const Eigen::VectorXd& steps,
+                    const Pixels& corrected, const Pixels& raw) {
+  constexpr int kIterations = 10;
+  constexpr double kDamping = 1e-6;
+  const auto residualOf = [&](const Eigen::VectorXd& x) {
+    return flattened(toRaw(change.apply(x), corrected) - raw);
+  };
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(change.size());
+  for (int k = 0; k < kIterations; ++k) {
+    const Eigen::VectorXd r = residualOf(x);
+    Eigen::MatrixXd J(r.size(), x.size());
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      Eigen::VectorXd ahead = x;
+      Eigen::VectorXd behind = x;
+      ahead[i] += steps[i];
+      behind[i] -= steps[i];
+      J.col(i) = (residualOf(ahead) - residualOf(behind)) / (2.0 * steps[i]);
+    }
+    const double count = static_cast<double>(raw.cols());
+    const Eigen::VectorXd unit = (J.colwise().squaredNorm() / count).cwiseSqrt().cwiseInverse();
+    const Eigen::MatrixXd scaled = J * unit.asDiagonal();
+    const Eigen::MatrixXd damping =
+        kDamping * count * Eigen::MatrixXd::Identity(x.size(), x.size());
+    const Eigen::VectorXd y = x.cwiseQuotient(unit);
+    const Eigen::VectorXd step =
+        (scaled.transpose() * scaled + damping).ldlt().solve(-scaled.transpose() * r - damping * y);
+    x += unit.cwiseProduct(step);
+  }
+  return x;
+}
+
+}  // namespace
+
+CorrectedCalibration correctedCalibration(const StereoCalibration& calibration,
+                                          const RightDisplacement& displacement) {
+  const StereoRectifier usable(calibration);  // throws if it is not
+  const Pixels grid = gridOf(usable.camera().width, usable.camera().height);
+  Pixels corrected(2, grid.cols());
+  for (Eigen::Index i = 0; i < grid.cols(); ++i) corrected.col(i) = displacement(grid.col(i));
+  const CameraChange change(calibration.right);
+  const Pixels raw = toRaw(change.apply(Eigen::VectorXd::Zero(change.size())), grid);
+  const Eigen::VectorXd x =
+      fit(change, differenceSteps(calibration.right, change.size()), corrected, raw);
+  CorrectedCalibration result{calibration, sizeOf(corrected - grid), {}};
+  result.calibration.right = change.apply(x);
+  result.remaining = sizeOf(toRaw(result.calibration.right, corrected) - raw);
+  return result;
+}
+
+}  // namespace point_line_odometry
