@@ -26,8 +26,8 @@ from ros_fixture import RosTest, wait_until
 from tool_fixture import find_program, make_kitti, run, write
 
 SCRIPTS = os.path.join(REPOSITORY, "scripts")
-TOOLS = ("offline_odometry", "dataset_to_bag", "evaluate_trajectory", "synthetic_world", "benchmark",
-         "doctor", "report_run")
+TOOLS = ("offline_odometry", "check_calibration", "dataset_to_bag", "evaluate_trajectory",
+         "synthetic_world", "benchmark", "doctor", "report_run")
 ROSRUN = "rosrun point_line_odometry "
 RECORDING = "~/.ros/recordings/"
 FRAMES = 6
@@ -55,7 +55,8 @@ def shell(command, folder, environment=None):
 def is_live(command):
     """Whether a command needs a running odometry."""
     return (command.startswith(("rosservice ", "rosrun dynamic_reconfigure ", "rosrun tf2_ros "))
-            or command.startswith(ROSRUN + "doctor --ns") or RECORDING in command)
+            or command.startswith((ROSRUN + "doctor --ns", ROSRUN + "check_calibration live"))
+            or RECORDING in command)
 
 
 def is_run_as_first_step(command):
@@ -333,7 +334,7 @@ class LiveCommandTest(RosTest):
         self.wait_for_odometry()
         checks = {"rosservice": self.call_service, "dynamic_reconfigure": self.set_parameter,
                   "tf2_ros": self.publish_mounting, "offline_odometry": self.replay,
-                  "doctor": self.run_doctor}
+                  "doctor": self.run_doctor, "check_calibration": self.check_calibration}
         done = set()
         for name in DOCUMENTS:
             for command in filter(is_live, commands(name)):
@@ -374,6 +375,9 @@ class LiveCommandTest(RosTest):
     def run_doctor(self, command):
         self.assertEqual(list(test_doctor.parse(self.execute(command, (0, 1)))),
                          test_doctor.SUBJECTS)
+
+    def check_calibration(self, command):
+        self.assertIn("the calibration agrees with the images", self.execute(command))
 
     def replay(self, command):
         """Of what dump_recording has written, in place of the recording that is named."""
