@@ -598,6 +598,24 @@ TEST(ConstrainByPrediction, FusesAxesWithASmallerPredictedVariance) {
   EXPECT_NEAR(motion.covariance(4, 4), 1e-8, 1e-10);
 }
 
+TEST(ConstrainByPrediction, StaysPositiveWhereTheMotionIsUnknown) {
+  // Two unknown directions that are no axes: P - P S^-1 P would have variances below zero there.
+  MotionEstimate motion;
+  motion.status = MotionStatus::kOk;
+  Vector6d variances = Vector6d::Constant(1e-8);
+  variances(1) = variances(4) = 1e6;
+  Matrix6d directions = Matrix6d::Identity();
+  directions.topLeftCorner<3, 3>() = synthetic::transform({0.3, -0.5, 0.7}, {0, 0, 0}).linear();
+  directions.bottomRightCorner<3, 3>() = synthetic::transform({-0.4, 0.2, 0.6}, {0, 0, 0}).linear();
+  motion.covariance = directions * variances.asDiagonal() * directions.transpose();
+  ASSERT_TRUE(constrainByPrediction(Isometry3d::Identity(), 1e-4 * Matrix6d::Identity(), &motion));
+  const Matrix6d in_directions = directions.transpose() * motion.covariance * directions;
+  for (const int unknown : {1, 4}) EXPECT_NEAR(in_directions(unknown, unknown), 1e-4, 1e-6);
+  for (const int known : {0, 2, 3, 5}) EXPECT_NEAR(in_directions(known, known), 1e-8, 3e-9);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(motion.covariance);
+  EXPECT_GT(eigen.eigenvalues().minCoeff(), 0.0);
+}
+
 TEST(ConstrainByPrediction, LeavesAMotionWithSmallerVarianceUnchanged) {
   MotionEstimate motion;
   motion.status = MotionStatus::kOk;

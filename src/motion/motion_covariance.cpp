@@ -28,10 +28,14 @@ double overlap(const PatchJacobian& a, const PatchJacobian& b) {
   return common.prod() / (a.side_px * b.side_px);
 }
 
-/// The inverse; unconstrained directions get a huge but finite variance.
+/// Least information [1/m^2, 1/rad^2] of a direction: one that is unconstrained is known to 1 km or
+/// 1000 rad. A double resolves no more of it beside the other directions.
+constexpr double kLeastInformation = 1e-6;
+
+/// The inverse; unconstrained directions get a large variance.
 Matrix6d invert(const Matrix6d& information) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
-  const double floor = std::max(1e-15 * eigen.eigenvalues().maxCoeff(), 1e-15);
+  const double floor = std::max(1e-15 * eigen.eigenvalues().maxCoeff(), kLeastInformation);
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(floor).cwiseInverse().asDiagonal() *
          eigen.eigenvectors().transpose();
 }

@@ -433,17 +433,22 @@ bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,
                            const Matrix6d& covariance, MotionEstimate* motion) {
   const Eigen::LLT<Matrix6d> root(covariance);
   if (root.info() != Eigen::Success) return false;
-  // In units of the prediction's standard deviations.
+  // In units of the prediction's standard deviations, along axes in which both are independent: a
+  // gain of variance / (variance + 1). The difference of covariances that the Kalman update has
+  // would be that of large numbers where the motion is unknown, and might be negative.
   const Matrix6d half = root.matrixL().solve(motion->covariance);
   const Matrix6d relative = root.matrixL().solve(half.transpose());
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(relative, Eigen::EigenvaluesOnly);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (relative + relative.transpose()));
   if (!(eigen.eigenvalues().maxCoeff() > 1.0)) return false;
+  const Vector6d variances = eigen.eigenvalues().cwiseMax(0.0);
+  const Vector6d gains = variances.array() / (variances.array() + 1.0);
 
   const Eigen::Isometry3d T_prev_curr = motion->T_curr_prev.inverse();
   const Vector6d to_prediction = poseDifference(T_prev_curr, T_prev_curr_predicted);
-  const Eigen::LDLT<Matrix6d> sum(motion->covariance + covariance);
-  const Vector6d update = motion->covariance * sum.solve(to_prediction);
-  const Matrix6d fused = covariance - covariance * sum.solve(covariance);
+  const Matrix6d axes = root.matrixL() * eigen.eigenvectors();
+  const Vector6d update = axes * gains.asDiagonal() * eigen.eigenvectors().transpose() *
+                          root.matrixL().solve(to_prediction);
+  const Matrix6d fused = axes * gains.asDiagonal() * axes.transpose();
   const Eigen::Isometry3d T_fused = addPoseDifference(T_prev_curr, update);
   if (!T_fused.matrix().allFinite() || !fused.allFinite()) return false;
   motion->T_curr_prev = T_fused.inverse();
