@@ -348,6 +348,7 @@ MotionEstimate estimate(const Correspondences& correspondences, const StereoCame
 }
 
 template <ResidualImages kImages>
+// NOLINTNEXTLINE(readability-function-size): seven parameters, each of another kind
 MotionEstimate estimateAgain(const MotionEstimate& images, const PriorFactor& prior,
                              const Correspondences& correspondences, const StereoCamera& camera,
                              const Eigen::Isometry3d& T_curr_prev_predicted,
@@ -418,6 +419,7 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                    kPredictedPx);
 }
 
+// NOLINTNEXTLINE(readability-function-size): seven parameters, each of another kind
 MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorFactor& prior,
                                  const Correspondences& correspondences, const StereoCamera& camera,
                                  const Eigen::Isometry3d& T_curr_prev_predicted,
@@ -456,6 +458,7 @@ bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,
   return true;
 }
 
+// NOLINTNEXTLINE(readability-function-size): seven parameters, each of another kind
 MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame,
                             const Eigen::Isometry3d& T_curr_prev2,
                             const Eigen::Isometry3d& T_prev_prev2,
