@@ -138,7 +138,9 @@ TEST(StereoOdometry, ObservedPointsProjectToTheirPixels) {
               3.0);
     // Of an exact camera: noise only, and none of what is no inlier.
     EXPECT_LT(point.residual_px.norm(), 3.0F);
-    if (!point.inlier) EXPECT_EQ(point.residual_px.norm(), 0.0F);
+    if (!point.inlier) {
+      EXPECT_EQ(point.residual_px.norm(), 0.0F);
+    }
     squares += point.residual_px.squaredNorm();
     vertical += std::abs(point.vertical_disparity_px);
   }
