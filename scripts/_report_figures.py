@@ -11,7 +11,7 @@ page = load_script('report_run')
 COLOURS = {'paper': 'tab:blue', 'default': 'tab:orange'}
 PUBLISHED_COLOURS = ('0.35', '0.6', '0.8')
 DPI = 130
-PICTURE_DPI = 100
+IMAGE_DPI = 100
 LEGEND = 0.4  # inches
 
 # Axes of charts of errors: figures of whole sequences and of pieces, label.
@@ -44,7 +44,7 @@ def draw_images(report: Report, layout: str) -> Optional[Any]:
     heights = [max(width * images[entry.name, method].shape[0]
                    / images[entry.name, method].shape[1] for method in entry.runs) + 0.35
                for entry in entries]
-    figure = new_figure(width * columns, sum(heights), PICTURE_DPI)
+    figure = new_figure(width * columns, sum(heights), IMAGE_DPI)
     grid = figure.add_gridspec(len(entries), columns, height_ratios=heights)
     for row, entry in enumerate(entries):
         for column, method in enumerate(report.methods):

@@ -131,8 +131,8 @@ Outcome fly(const Flight& flight) {
       result.image_motion = motion;
     }
     last_ns = result.stamp_ns;
-    gyroscope.learn(result);
-    gravity.learn(result, gyroscope);
+    gyroscope.update(result);
+    gravity.update(result, gyroscope);
     const Vector3d down = R_drift * Vector3d::UnitY();
     outcome.tilt_rad = std::acos(std::clamp(down.y(), -1.0, 1.0));
     if (t > 0.5 * flight.end_s)

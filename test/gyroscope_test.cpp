@@ -39,13 +39,13 @@ double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 const Matrix3d kR_camera_imu = expSO3({0.3, -1.2, 0.7});
 
-struct Truth {
+struct GroundTruth {
   Vector3d bias = Vector3d::Zero();
   double offset_s = 0.0;
   double noise = 0.0;  ///< [rad/s/sqrt(Hz)]
 };
 
-std::vector<ImuSample> samplesUntil(double end_s, const Truth& truth,
+std::vector<ImuSample> samplesUntil(double end_s, const GroundTruth& truth,
                                     std::int64_t period_ns = kSample) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
@@ -86,8 +86,8 @@ FrameResult imageRotation(int frame, double sigma_rad, std::mt19937* random) {
   return result;
 }
 
-/// A gyroscope that has learned from images for a time.
-Gyroscope learned(const Truth& truth, int frames, ImuParameters parameters = {}) {
+/// A gyroscope calibrated by images for a time.
+Gyroscope calibrated(const GroundTruth& truth, int frames, ImuParameters parameters = {}) {
   parameters.enabled = true;
   Gyroscope gyroscope(parameters, kR_camera_imu);
   std::mt19937 random(3);
@@ -95,7 +95,7 @@ Gyroscope learned(const Truth& truth, int frames, ImuParameters parameters = {})
   std::size_t next = 0;
   for (int k = 1; k <= frames; ++k) {
     while (!gyroscope.covers(stampOf(k))) gyroscope.add(samples.at(next++));
-    gyroscope.learn(imageRotation(k, 3e-4, &random));
+    gyroscope.update(imageRotation(k, 3e-4, &random));
   }
   for (; next < samples.size(); ++next) gyroscope.add(samples[next]);
   return gyroscope;
@@ -135,8 +135,8 @@ TEST(Gyroscope, GivenTimeOffsetIsUsed) {
 
 TEST(Gyroscope, BiasAndTimeOffsetAreEstimated) {
   for (const double offset_s : {-0.045, -0.01, 0.0, 0.03, 0.045}) {
-    const Truth truth{{0.05, -0.08, 0.02}, offset_s, 1.7e-4};
-    const Gyroscope gyroscope = learned(truth, 200);
+    const GroundTruth truth{{0.05, -0.08, 0.02}, offset_s, 1.7e-4};
+    const Gyroscope gyroscope = calibrated(truth, 200);
     const GyroscopeCalibration calibration = gyroscope.calibration();
     EXPECT_LT((calibration.bias - truth.bias).cwiseAbs().maxCoeff(), 1.5e-3) << offset_s;
     EXPECT_NEAR(calibration.time_offset_s, offset_s, 2e-3);
@@ -151,9 +151,9 @@ TEST(Gyroscope, PriorsAreAsUncertainAsTheySay) {
   double sum = 0.0;
   int count = 0;
   for (int i = 0; i < 12; ++i) {
-    const Truth truth{0.01 * Vector3d(i % 5 - 2, i % 3 - 1, i % 4 - 2), 0.004 * (i % 7 - 3),
+    const GroundTruth truth{0.01 * Vector3d(i % 5 - 2, i % 3 - 1, i % 4 - 2), 0.004 * (i % 7 - 3),
                       1.7e-4};
-    const Gyroscope gyroscope = learned(truth, 60);
+    const Gyroscope gyroscope = calibrated(truth, 60);
     const auto prior = gyroscope.between(stampOf(60), stampOf(65));
     ASSERT_TRUE(prior);
     const Vector3d error = logSO3(trueRotation(60, 65) * prior->T_prev_curr.linear().transpose());
@@ -212,7 +212,7 @@ TEST(Gyroscope, WrongAxesStayUncertain) {
   Gyroscope gyroscope({}, kR_camera_imu * expSO3({M_PI / 2.0, 0.0, 0.0}));
   std::mt19937 random(3);
   for (const ImuSample& sample : samplesUntil(6.0, {})) gyroscope.add(sample);
-  for (int k = 1; k <= 100; ++k) gyroscope.learn(imageRotation(k, 3e-4, &random));
+  for (int k = 1; k <= 100; ++k) gyroscope.update(imageRotation(k, 3e-4, &random));
   const auto prior = gyroscope.between(stampOf(100), stampOf(101));
   ASSERT_TRUE(prior);
   const double sigma = 1.0 / std::sqrt(prior->information.diagonal().tail<3>().maxCoeff());
@@ -233,7 +233,7 @@ TEST(Gyroscope, KeepsABoundedNumberOfSamples) {
     FrameResult result;
     result.stamp_ns = stampOf(k);
     result.reason = TrackingReason::kTooFewMatches;
-    gyroscope.learn(result);
+    gyroscope.update(result);
   }
   EXPECT_FALSE(gyroscope.between(stampOf(1000), stampOf(1001))) << "discarded";
   EXPECT_TRUE(gyroscope.between(stampOf(1990), stampOf(1991)));

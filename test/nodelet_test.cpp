@@ -346,10 +346,10 @@ TEST_F(NodeletTest, WaitsForTheTransformToTheCamera) {
 TEST_F(NodeletTest, PublishesImagesAndMarkersToSubscribers) {
   ASSERT_TRUE(load());
   drive(0, 2);
-  std::atomic<int> pictures{0};
+  std::atomic<int> images{0};
   const boost::function<void(const sensor_msgs::ImageConstPtr&)> count =
-      [&pictures](const sensor_msgs::ImageConstPtr& image) {
-        if (image->encoding == "bgr8" && image->width == kWidth) ++pictures;
+      [&images](const sensor_msgs::ImageConstPtr& image) {
+        if (image->encoding == "bgr8" && image->width == kWidth) ++images;
       };
   const ros::Subscriber subscriber = nh_.subscribe("features_image", 10, count);
   ASSERT_TRUE(waitFor([&subscriber] { return subscriber.getNumPublishers() > 0; }));
@@ -357,7 +357,7 @@ TEST_F(NodeletTest, PublishesImagesAndMarkersToSubscribers) {
   EXPECT_TRUE(waitFor([&] {
     drive(k, k + 1);
     ++k;
-    return pictures > 0;
+    return images > 0;
   }));
 }
 

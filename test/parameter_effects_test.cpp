@@ -175,9 +175,9 @@ Outcome run(Scene scene, const Parameters& parameters) {
     const auto tilt = gravity.takeCorrection();
     if (parameters.imu.enabled && parameters.imu.use_gravity && tilt) odometry.correctTilt(*tilt);
     const FrameResult result = odometry.process(images, prior ? &*prior : nullptr);
-    gyroscope.learn(result);
-    gravity.learn(result, gyroscope);
-    wheels.learn(result);
+    gyroscope.update(result);
+    gravity.update(result, gyroscope);
+    wheels.update(result);
     last_ns = images.stamp_ns;
     outcome.poses.emplace_back(result.T_odom_camera.matrix());
     outcome.states.push_back(result.state);

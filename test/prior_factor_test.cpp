@@ -39,9 +39,9 @@ TEST(PriorFactor, HasTheDerivativesOfItsResidual) {
   const PriorFactor factor(prior);
   EXPECT_EQ(factor.axes(), 6);
   // Within and beyond Huber's delta.
-  for (const double way : {0.2, 6.0}) {
+  for (const double scale : {0.2, 6.0}) {
     const Isometry3d T =
-        synthetic::transform(way * Vector3d(0.02, -0.03, 0.05), way * Vector3d(-0.05, 0.03, 0.1)) *
+        synthetic::transform(scale * Vector3d(0.02, -0.03, 0.05), scale * Vector3d(-0.05, 0.03, 0.1)) *
         synthetic::motion();
     const auto moved = [&](const Vector6d& by) {
       Isometry3d T_moved = T;
@@ -54,7 +54,7 @@ TEST(PriorFactor, HasTheDerivativesOfItsResidual) {
     for (int i = 0; i < 6; ++i) {
       const Vector6d step = kStep * Vector6d::Unit(i);
       const Vector6d numeric = (moved(step) - moved(-step)) / (2.0 * kStep);
-      EXPECT_TRUE(at.jacobian.col(i).isApprox(numeric, 1e-5)) << i << " at " << way;
+      EXPECT_TRUE(at.jacobian.col(i).isApprox(numeric, 1e-5)) << i << " at " << scale;
     }
   }
 }

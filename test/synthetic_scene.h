@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Seeded synthetic data with known truth, shared by the tests of several stages: cameras and
+/// Seeded synthetic data with known ground truth, shared by the tests of several stages: cameras and
 /// motions, matches of points and lines with noise, and rendered images of a tiled room.
 
 #include <Eigen/Core>

@@ -139,15 +139,15 @@ class ReportTest(ToolTest):
                    "--enable-logging=stderr", "--user-data-dir=" + self.path("profile")]
         page = "file://" + os.path.join(output, "report.html")
         for width in (400, 1280):
-            picture = self.path(f"{width}.png")
+            image = self.path(f"{width}.png")
             result = subprocess.run(command + [f"--window-size={width},2400",
-                                               "--screenshot=" + picture, page],
+                                               "--screenshot=" + image, page],
                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                     universal_newlines=True, timeout=120)
-            self.assertTrue(os.path.isfile(picture), result.stderr[-2000:])
+            self.assertTrue(os.path.isfile(image), result.stderr[-2000:])
             # Whatever the page's own security policy refuses is told here, too.
             self.assertNotIn("CONSOLE", result.stderr)
-            size, pixels = read_png(picture)
+            size, pixels = read_png(image)
             self.assertEqual(size, (width, 2400))
             # Bytes of rows that are not one colour: curves and text.
             self.assertGreater(len(zlib.compress(pixels)), 30000)

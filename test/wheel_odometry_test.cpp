@@ -245,7 +245,7 @@ TEST(WheelOdometry, IsSuspendedWhileItDisagreesWithTheImages) {
     for (int i = 0; i < frames; ++i, ns += kFrame) {
       Isometry3d motion = cameraMotion(ns, ns + kFrame);
       motion.translation() *= scale;
-      wheels.learn(seen(ns, ns + kFrame, motion));
+      wheels.update(seen(ns, ns + kFrame, motion));
     }
   };
   drive(10, 1.0);
@@ -262,11 +262,11 @@ TEST(WheelOdometry, IsSuspendedWhileItDisagreesWithTheImages) {
   EXPECT_FALSE(wheels.isTrusted()) << "every second one";
 }
 
-TEST(WheelOdometry, ForgetsAndIsBounded) {
+TEST(WheelOdometry, DropsOldSamplesAndIsBounded) {
   WheelOdometry wheels = filled(samplesUntil(4 * kSecond));
   wheels.clear();
   EXPECT_FALSE(wheels.between(2 * kSecond, 2 * kSecond + kFrame));
-  wheels.learn(seen(99 * kSecond, 100 * kSecond, Isometry3d::Identity()));
+  wheels.update(seen(99 * kSecond, 100 * kSecond, Isometry3d::Identity()));
   wheels.add(sampleAt(2 * kSecond));
   EXPECT_EQ(wheels.faults().late, 1U);
 }
@@ -346,10 +346,10 @@ TEST(FusedPrior, TakesEachAxisFromTheSourceThatKnowsIt) {
   Vector6d of_translation = Vector6d::Zero();
   of_translation.head<3>().setConstant(0.05);
   const Vector3d rotation(0.1, -0.2, 0.3);
-  const Vector3d way(1.0, 0.5, -0.2);
+  const Vector3d translation(1.0, 0.5, -0.2);
   const MotionPrior both = fusedOf(knows(transform(rotation, Vector3d::Zero()), of_rotation),
-                                   knows(transform(Vector3d::Zero(), way), of_translation));
-  expectMotion(both, transform(rotation, way), 1e-6, 1e-6);
+                                   knows(transform(Vector3d::Zero(), translation), of_translation));
+  expectMotion(both, transform(rotation, translation), 1e-6, 1e-6);
   EXPECT_EQ(PriorFactor(both).axes(), 6);
   EXPECT_EQ(both.from_ns, kSecond);
 }

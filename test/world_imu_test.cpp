@@ -120,7 +120,7 @@ TEST(WorldLights, GyroscopeCarriesThePoseThroughTheDark) {
     std::optional<MotionPrior> prior;
     if (last_ns) prior = gyroscope.between(*last_ns, images.stamp_ns);
     const FrameResult result = with.process(images, prior ? &*prior : nullptr);
-    gyroscope.learn(result);
+    gyroscope.update(result);
     last_ns = images.stamp_ns;
     const Eigen::Isometry3d ground_truth = T_rectified_raw *
                                            world.pose(kFirst).T_world_camera.inverse() *

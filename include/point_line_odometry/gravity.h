@@ -17,7 +17,7 @@ struct GravityUse {
   std::size_t used = 0;         ///< taken by the filter
   std::size_t not_gravity = 0;  ///< not of gravity's length, or too uncertain by vibration
   std::size_t rejected = 0;     ///< they disagree with the expected direction
-  std::size_t restarts = 0;     ///< too many in a row did: the direction was measured anew
+  std::size_t restarts = 0;     ///< too many in a row did: the direction was measured again
 };
 
 /// What is estimated of gravity and the accelerometer, with standard deviations.
@@ -33,7 +33,7 @@ struct GravityCalibration {
 /// force, less the acceleration by the images' positions, is gravity, also while the camera moves.
 /// A Kalman filter estimates from it the error of the pose's tilt, the direction of gravity in odom
 /// and the bias of the accelerometer. Odom's axes are those of the first pose: where gravity points
-/// in them is learned, not assumed. Nothing is concluded about velocity or position.
+/// in them is estimated, not assumed. Nothing is concluded about velocity or position.
 /// Deterministic; not thread-safe.
 class Gravity {
  public:
@@ -41,19 +41,19 @@ class Gravity {
   Gravity(const ImuParameters& parameters, const Eigen::Isometry3d& T_camera_imu);
 
   /// Takes the poses of a frame. \param gyroscope of the same IMU, which has its samples, too.
-  void learn(const FrameResult& result, const Gyroscope& gyroscope);
+  void update(const FrameResult& result, const Gyroscope& gyroscope);
 
   /// The correction of the last frame's pose, once: nothing if there is no new one. It is taken as
   /// applied.
   std::optional<TiltCorrection> takeCorrection();
 
-  /// Begins anew, for an odometry that was reset: odom has other axes.
+  /// Starts over, for an odometry that was reset: odom has other axes.
   void restart();
 
   /// Takes other parameters; what was estimated is kept.
   void setParameters(const ImuParameters& parameters) { parameters_ = parameters; }
 
-  GravityCalibration calibration() const;  ///< as learned so far
+  GravityCalibration calibration() const;  ///< as estimated so far
 
  private:
   /// Errors of the pose's rotation and of `up_`, rotation vectors about the axes of odom, and of

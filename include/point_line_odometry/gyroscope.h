@@ -71,7 +71,7 @@ class Gyroscope {
   std::optional<SpecificForce> forceBetween(std::int64_t from_ns, std::int64_t to_ns) const;
 
   /// Updates bias and time offset by the motion that the images of a frame gave.
-  void learn(const FrameResult& result);
+  void update(const FrameResult& result);
 
   /// Discards the samples, for a clock that jumped; bias and time offset are kept.
   void clear();
@@ -79,7 +79,7 @@ class Gyroscope {
   /// Takes other parameters; what was estimated is kept unless they say otherwise.
   void setParameters(const ImuParameters& parameters);
 
-  GyroscopeCalibration calibration() const;            ///< as learned so far
+  GyroscopeCalibration calibration() const;            ///< as estimated so far
   const ImuFaults& faults() const { return faults_; }  ///< of the samples
 
  private:
@@ -106,7 +106,7 @@ class Gyroscope {
   std::deque<ImuSample> samples_;  // by stamp
   State state_ = State::Zero();
   Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
-  std::optional<std::int64_t> learned_ns_;  // stamp of the last frame
+  std::optional<std::int64_t> updated_ns_;  // stamp of the last frame
   ImuFaults faults_;
 };
 

@@ -331,9 +331,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "use the motion between frames by wheels, or another odometry that does not use these "
         "images, as a motion prior");
   visit("wheels/slip_x", p.wheels.slip_x, 0.0, 10.0, "",
-        "standard deviation of its motion along x of its body, as a share of the way");
+        "standard deviation of its motion along x of its body, as a share of the distance");
   visit("wheels/slip_y", p.wheels.slip_y, 0.0, 10.0, "",
-        "the same along y, and along z where it is measured, as a share of the way");
+        "the same along y, and along z where it is measured, as a share of the distance");
   visit("wheels/slip_yaw", p.wheels.slip_yaw, 0.0, 10.0, "",
         "standard deviation of its rotation, as a share of the angle");
   visit("wheels/speed_noise", p.wheels.speed_noise, 1e-5, 100.0, "m/s",

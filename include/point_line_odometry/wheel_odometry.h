@@ -32,7 +32,7 @@ struct OdometryFaults {
 
 /// Motion priors of the camera from the odometry of the robot's wheels: the difference of its poses
 /// at the stamps of two frames. Its error is that of the velocity, constant over the interval, and
-/// a share of the way and of the turn (slip). It is compared with the images, and suspended while
+/// a share of the distance and of the turn (slip). It is compared with the images, and suspended while
 /// too often they disagree. What a frame gets depends on the stamps of samples and frames, not on
 /// the order in which samples arrive. Memory is bounded. Deterministic; not thread-safe.
 class WheelOdometry {
@@ -54,7 +54,7 @@ class WheelOdometry {
   std::optional<MotionPrior> between(std::int64_t from_ns, std::int64_t to_ns) const;
 
   /// Compares its motion with that which the images of a frame gave.
-  void learn(const FrameResult& result);
+  void update(const FrameResult& result);
 
   /// False while it is suspended, since too many of its motions disagree with the images.
   bool isTrusted() const;
@@ -80,7 +80,7 @@ class WheelOdometry {
   Parameters parameters_;
   Eigen::Isometry3d T_body_camera_;
   std::deque<OdometrySample> samples_;      // by stamp
-  std::optional<std::int64_t> learned_ns_;  // stamp of the last frame
+  std::optional<std::int64_t> updated_ns_;  // stamp of the last frame
   double rejected_share_ = 0.0;             // of the latest motions that were compared
   OdometryFaults faults_;
 };

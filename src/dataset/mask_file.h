@@ -9,7 +9,7 @@
 
 namespace point_line_odometry {
 
-/// The name that stands for no file.
+/// The name that means no file.
 constexpr const char* kNoMask = "none";
 
 /// Mask files of the left and the right camera, or kNoMask.

@@ -25,7 +25,7 @@ constexpr double kMaxBias = 0.5;  // [m/s^2]
 // A measurement that is less certain says nothing.
 constexpr double kMaxDeviation = 0.5;  // [m/s^2]
 
-// Before anything was learned: a micro-mechanical accelerometer that nobody has calibrated.
+// Before anything was estimated: a micro-mechanical accelerometer that nobody has calibrated.
 constexpr double kFirstBias = 0.2;  // [m/s^2], each axis
 constexpr double kFirstTilt = 1.0;  // [rad], of the direction
 
@@ -35,7 +35,7 @@ constexpr double kShareOfMotion = 0.01;  // of the acceleration of the motion: s
 constexpr double kShareOfSpread = 0.02;  // of vibrations: rectified, aliased
 
 // Largest squared Mahalanobis distance of a measurement: 99.9 % of chi-square, 3 degrees of
-// freedom. After so many in a row beyond it, it is the expectation that is wrong.
+// freedom. After N in a row beyond it, it is the expectation that is wrong.
 constexpr double kMaxDistance = 16.27;
 constexpr int kMaxRejected = 5;
 
@@ -60,7 +60,7 @@ void Gravity::restart() {
   correction_.reset();
 }
 
-void Gravity::learn(const FrameResult& result, const Gyroscope& gyroscope) {
+void Gravity::update(const FrameResult& result, const Gyroscope& gyroscope) {
   correction_.reset();  // of an earlier pose
   if (!result.accepted()) return;
   addFrame(result, gyroscope);

@@ -25,7 +25,7 @@ constexpr double kJerk = 30.0;  // [rad/s^3]
 // Errors of a gyroscope's scale and axes, and of the extrinsics, as a share of the angle.
 constexpr double kScaleError = 0.005;
 
-// Before anything was learned. EuRoC's gyroscope has a bias of 0.08 rad/s.
+// Before anything was estimated. EuRoC's gyroscope has a bias of 0.08 rad/s.
 constexpr double kFirstBias = 0.1;        // [rad/s]
 constexpr double kFirstOffset_s = 0.02;   // where the time offset is estimated
 constexpr double kGivenOffset_s = 0.001;  // where it is given
@@ -103,7 +103,7 @@ void Gyroscope::add(const ImuSample& sample) {
   const auto after = std::upper_bound(samples_.begin(), samples_.end(), sample, earlier);
   if (after != samples_.begin() && (after - 1)->stamp_ns == sample.stamp_ns) {
     ++faults_.doubled;
-  } else if (learned_ns_ && seconds(*learned_ns_ - sample.stamp_ns) > kKept_s) {
+  } else if (updated_ns_ && seconds(*updated_ns_ - sample.stamp_ns) > kKept_s) {
     ++faults_.late;
   } else {
     samples_.insert(after, sample);
@@ -197,20 +197,20 @@ std::optional<Gyroscope::Rotation> Gyroscope::integrate(std::int64_t from_ns,
   return rotation;
 }
 
-void Gyroscope::learn(const FrameResult& result) {
+void Gyroscope::update(const FrameResult& result) {
   if (!result.accepted()) return;
-  if (learned_ns_ && result.stamp_ns > *learned_ns_) {
-    const double dt_s = seconds(result.stamp_ns - *learned_ns_);
+  if (updated_ns_ && result.stamp_ns > *updated_ns_) {
+    const double dt_s = seconds(result.stamp_ns - *updated_ns_);
     covariance_.diagonal().head<3>().array() +=
         std::pow(parameters_.gyroscope_random_walk, 2) * dt_s;
     if (parameters_.estimate_time_offset) covariance_(3, 3) += std::pow(kOffsetDrift_s, 2) * dt_s;
   }
-  learned_ns_ = result.stamp_ns;
+  updated_ns_ = result.stamp_ns;
   if (result.state == TrackingState::kOk && result.image_motion) {
     const ImageMotion& images = *result.image_motion;
     const std::optional<Rotation> rotation = integrate(images.from_ns, result.stamp_ns);
-    const bool stands = result.twist.isZero(0.0);
-    if (rotation && stands) {
+    const bool stationary = result.twist.isZero(0.0);
+    if (rotation && stationary) {
       correct(*rotation, Matrix3d::Identity(), kStandstill * kStandstill * Matrix3d::Identity());
     } else if (rotation) {
       const Matrix3d R_imu_camera = R_camera_imu_.transpose();
@@ -257,7 +257,7 @@ void Gyroscope::discardBefore(std::int64_t stamp_ns) {
 
 void Gyroscope::clear() {
   samples_.clear();
-  learned_ns_.reset();
+  updated_ns_.reset();
 }
 
 GyroscopeCalibration Gyroscope::calibration() const {

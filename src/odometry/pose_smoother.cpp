@@ -22,9 +22,9 @@ constexpr double kMovesSigmas = 6.0;       // of a velocity that no stationary c
 constexpr double kNegligible = 1e-9;       // [m] and [rad], of an offset
 
 /// A translation or rotation vector shortened to at most `most` [m] or [rad].
-Eigen::Vector3d limited(const Eigen::Vector3d& way, double most) {
-  const double length = way.norm();
-  return length > most ? Eigen::Vector3d(most / length * way) : way;
+Eigen::Vector3d limited(const Eigen::Vector3d& difference, double most) {
+  const double length = difference.norm();
+  return length > most ? Eigen::Vector3d(most / length * difference) : difference;
 }
 
 /// Covariance of the last estimated motion, along and about the axes of odom.
@@ -35,8 +35,8 @@ Matrix6d motionNoise(const PoseIntegrator& estimate) {
          to_odom.transpose();
 }
 
-bool isNoise(const Vector6d& way, const Matrix6d& covariance, double max_sigmas) {
-  const double squared = way.dot(covariance.ldlt().solve(way));
+bool isNoise(const Vector6d& difference, const Matrix6d& covariance, double max_sigmas) {
+  const double squared = difference.dot(covariance.ldlt().solve(difference));
   return squared >= 0.0 && squared <= max_sigmas * max_sigmas;
 }
 
@@ -111,10 +111,10 @@ bool PoseSmoother::isStationary(const PoseIntegrator& estimate, double dt_s) {
   }
   const Matrix6d noise = motionNoise(estimate);
   if (stationary_) {
-    const Vector6d way = poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
+    const Vector6d difference = poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
     const Matrix6d covariance = stationary_->noise + noise + estimate.previousCovariance() -
                                 stationary_->previous_covariance;
-    if (isNoise(way, covariance, kMaxSigmas)) {
+    if (isNoise(difference, covariance, kMaxSigmas)) {
       stationary_->lasted_s += dt_s;
       return stationary_->lasted_s >= kStationaryTime_s;
     }

@@ -54,7 +54,7 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
 void reportSource(const std::string& name, const SourceFacts& source,
                   diagnostic_updater::DiagnosticStatusWrapper* status) {
   if (!source.counts.alive) {
-    status->mergeSummary(Level::WARN, source.silence);
+    status->mergeSummary(Level::WARN, source.timeout);
   } else if (!source.fault.empty()) {
     status->mergeSummary(Level::WARN, name + " are not used: " + source.fault);
   }

@@ -22,7 +22,7 @@ namespace point_line_odometry {
 /// What is known of a source of motion priors: the IMU.
 struct SourceFacts {
   SampleCounts counts;
-  std::string silence;  ///< what to say if it is not alive
+  std::string timeout;  ///< what to say if it is not alive
   std::string fault;    ///< of the frame of its last sample, empty if there is none
   std::map<std::string, std::uint64_t> unused;  ///< samples, by what was wrong with them
 };

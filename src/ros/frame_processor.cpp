@@ -55,9 +55,9 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   if (gravity_) frame.tilt = gravity_->takeCorrection();
   if (frame.tilt) odometry_->correctTilt(*frame.tilt);
   frame.result = odometry_->process(images, frame.prior ? &*frame.prior : nullptr);
-  if (gyroscope_) gyroscope_->learn(frame.result);
-  if (gravity_) gravity_->learn(frame.result, *gyroscope_);
-  if (wheels_) wheels_->learn(frame.result);
+  if (gyroscope_) gyroscope_->update(frame.result);
+  if (gravity_) gravity_->update(frame.result, *gyroscope_);
+  if (wheels_) wheels_->update(frame.result);
   frame.line_detector = odometry_->lineDetector();
   checkFinite(frame.result);
   continues_ = frame.result.reason != TrackingReason::kException;

@@ -34,12 +34,12 @@ bool MaskBuffer::isReady(const StereoMessages& messages, double waited_s) const 
 StereoMessages MaskBuffer::withMasks(StereoMessages messages) {
   if (expected_[0]) messages.left_mask = find(0, *messages.left);
   if (expected_[1]) messages.right_mask = find(1, *messages.right);
-  forgetUntil(0, messages.left->header.stamp);
-  forgetUntil(1, messages.right->header.stamp);
+  removeUntil(0, messages.left->header.stamp);
+  removeUntil(1, messages.right->header.stamp);
   return messages;
 }
 
-void MaskBuffer::forgetUntil(std::size_t camera, const ros::Time& stamp) {
+void MaskBuffer::removeUntil(std::size_t camera, const ros::Time& stamp) {
   const std::lock_guard<std::mutex> lock(mutex_);
   auto& masks = masks_[camera];
   masks.erase(std::remove_if(masks.begin(), masks.end(),

@@ -36,7 +36,7 @@ class MaskBuffer {
 
  private:
   sensor_msgs::ImageConstPtr find(std::size_t camera, const sensor_msgs::Image& image) const;
-  void forgetUntil(std::size_t camera, const ros::Time& stamp);
+  void removeUntil(std::size_t camera, const ros::Time& stamp);
 
   const std::array<bool, 2> expected_;
   const double wait_s_;

@@ -10,7 +10,7 @@
 
 namespace point_line_odometry {
 
-/// The name that stands for no frame.
+/// The name that means no frame.
 constexpr const char* kNoFrame = "none";
 
 /// Settings of the ROS node; those of the core are in Parameters.
@@ -150,7 +150,7 @@ struct AllParameters {
   Parameters core;
 };
 
-/// Whether wheels, or what stands for them in tf, give motion priors.
+/// Whether wheels, or what replaces them in tf, give motion priors.
 bool usesWheels(const AllParameters& parameters);
 
 }  // namespace point_line_odometry

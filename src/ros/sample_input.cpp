@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::uint32_t kQueueSize = 2000;
 constexpr std::size_t kMaxWaiting = 20000;
-constexpr double kSilence_s = 1.0;
+constexpr double kTimeout_s = 1.0;
 
 }  // namespace
 
@@ -112,7 +112,7 @@ SampleCounts SampleInput<Message, Sample>::counts() const {
 
 template <typename Message, typename Sample>
 bool SampleInput<Message, Sample>::isAliveLocked() const {
-  return last_s_ && ros::WallTime::now().toSec() - *last_s_ < kSilence_s;
+  return last_s_ && ros::WallTime::now().toSec() - *last_s_ < kTimeout_s;
 }
 
 template class SampleInput<sensor_msgs::Imu, ImuSample>;

@@ -267,7 +267,7 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
   SourceFacts facts;
   facts.counts = imu_.counts();
   facts.fault = imu_sensor_.fault;
-  facts.silence = "no sample on topic imu for a second";
+  facts.timeout = "no sample on topic imu for a second";
   facts.unused["of a frame that tf does not know"] = imu_sensor_.unmounted;
   if (gyroscope != nullptr) {
     const ImuFaults& faults = gyroscope->faults();
@@ -331,12 +331,12 @@ WheelFacts StereoOdometryNodelet::wheelFacts() const {
   if (guess_) {
     facts.counts.received = num_guesses_;
     facts.counts.alive = T_guess_base_.has_value();
-    facts.silence = "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
+    facts.timeout = "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
                     " at the images' stamps (guess_frame_id)";
     facts.unused["missing in tf"] = missing_guesses_;
   } else {
     facts.counts = wheels_.counts();
-    facts.silence = "no pose by wheels (prior_odom) for a second";
+    facts.timeout = "no pose by wheels (prior_odom) for a second";
     facts.unused["of a frame that tf does not know"] = wheel_sensor_.unmounted;
   }
   facts.fault = wheel_sensor_.fault;

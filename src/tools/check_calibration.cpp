@@ -16,7 +16,7 @@
 #include "ros/node_parameters.h"
 #include "tools/bag_source.h"
 #include "tools/calibration_check.h"
-#include "tools/calibration_picture.h"
+#include "tools/calibration_image.h"
 #include "tools/command_line.h"
 #include "tools/live_source.h"
 #include "tools/output_folder.h"
@@ -32,7 +32,7 @@ namespace po = boost::program_options;
 
 constexpr const char* kLive = "live";
 constexpr int kFewestFrames = 3;  // two motions
-constexpr const char* kPictureName = "calibration.png";
+constexpr const char* kImageName = "calibration.png";
 constexpr const char* kLeftName = "left.yaml";
 constexpr const char* kRightName = "right.yaml";
 
@@ -101,9 +101,9 @@ CalibrationReport measure(const Options& options) {
   }
 }
 
-std::string toPng(const cv::Mat& picture) {
+std::string toPng(const cv::Mat& image) {
   std::vector<unsigned char> bytes;
-  cv::imencode(".png", picture, bytes);
+  cv::imencode(".png", image, bytes);
   return {bytes.begin(), bytes.end()};
 }
 
@@ -111,14 +111,14 @@ int checkCalibration(const Options& options) {
   std::unique_ptr<OutputFolder> output;
   if (!options.output.empty()) {
     output = std::make_unique<OutputFolder>(options.output);
-    output->reserve(kPictureName);
+    output->reserve(kImageName);
     for (const char* name : {kLeftName, kRightName}) {
       if (options.write) output->reserve(name);
     }
   }
   const CalibrationReport report = measure(options);
   if (output) {
-    output->write(kPictureName, toPng(drawCalibration(report)));
+    output->write(kImageName, toPng(drawCalibration(report)));
     if (options.write) {
       const StereoCalibration& corrected = report.corrected.calibration;
       output->write(kLeftName, formatCameraInfo(corrected.left, "left"));
@@ -173,7 +173,7 @@ po::options_description describeOutput(Options* options) {
       ("set", po::value(&options->settings)->value_name("NAME=VALUE")->composing(),
        "one parameter; may be given several times, overrides --config")
       ("output,o", po::value(&options->output)->value_name("DIR"),
-       "folder for calibration.png, a picture of the residuals over the image")
+       "folder for calibration.png, a image of the residuals over the image")
       ("write", po::bool_switch(&options->write),
        "write DIR/left.yaml and DIR/right.yaml, the corrected calibration")
       ("quiet", po::bool_switch(&options->quiet), "no progress bar")

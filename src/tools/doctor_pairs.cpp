@@ -31,7 +31,7 @@ void DoctorPairs::addMasks(MaskBuffer* masks) {
   std::vector<StereoMessages*> sets;
   for (StereoMessages& set : to_measure_) sets.push_back(&set);
   for (StereoMessages& set : sets_) sets.push_back(&set);
-  // In order, as the buffer forgets what is older; some are in both lists.
+  // In order, as the buffer drops what is older; some are in both lists.
   std::stable_sort(sets.begin(), sets.end(), [](const auto* a, const auto* b) {
     return a->left->header.stamp < b->left->header.stamp;
   });

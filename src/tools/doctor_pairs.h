@@ -14,7 +14,7 @@ namespace point_line_odometry {
 /// The image sets that a check of limited duration uses.
 class DoctorPairs {
  public:
-  /// \param kept so many of the latest sets are processed.
+  /// \param kept number of the latest sets that are processed.
   explicit DoctorPairs(std::size_t kept) : kept_(kept) {}
 
   /// Keeps the latest sets, and some of the first ones to be measured.

@@ -129,9 +129,9 @@ bool OfflineRun::step() {
     if (const auto tilt = gravity_->takeCorrection()) odometry_.correctTilt(*tilt);
   }
   result_ = odometry_.process(*images, prior ? &*prior : nullptr);
-  if (gyroscope_) gyroscope_->learn(result_);
-  if (gravity_) gravity_->learn(result_, *gyroscope_);
-  if (wheels_) wheels_->learn(result_);
+  if (gyroscope_) gyroscope_->update(result_);
+  if (gravity_) gravity_->update(result_, *gyroscope_);
+  if (wheels_) wheels_->update(result_);
   if (result_.accepted()) last_ns_ = images->stamp_ns;
   if (replay_ != nullptr) replay_->compare(result_);
   rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},

@@ -109,7 +109,7 @@ void WheelOdometry::add(const OdometrySample& sample) {
   const auto after = std::upper_bound(samples_.begin(), samples_.end(), sample, earlier);
   if (after != samples_.begin() && (after - 1)->stamp_ns == sample.stamp_ns) {
     ++faults_.doubled;
-  } else if (learned_ns_ && seconds(*learned_ns_ - sample.stamp_ns) > kKept_s) {
+  } else if (updated_ns_ && seconds(*updated_ns_ - sample.stamp_ns) > kKept_s) {
     ++faults_.late;
   } else {
     samples_.insert(after, sample);
@@ -238,9 +238,9 @@ std::optional<MotionPrior> WheelOdometry::between(std::int64_t from_ns, std::int
   return isTrusted() ? measure(from_ns, to_ns) : std::nullopt;
 }
 
-void WheelOdometry::learn(const FrameResult& result) {
+void WheelOdometry::update(const FrameResult& result) {
   if (!result.accepted()) return;
-  learned_ns_ = result.stamp_ns;
+  updated_ns_ = result.stamp_ns;
   if (result.state == TrackingState::kOk && result.image_motion) {
     const ImageMotion& images = *result.image_motion;
     if (const auto prior = measure(images.from_ns, result.stamp_ns)) {
@@ -259,7 +259,7 @@ bool WheelOdometry::isTrusted() const { return rejected_share_ <= kMaxRejectedSh
 
 void WheelOdometry::clear() {
   samples_.clear();
-  learned_ns_.reset();
+  updated_ns_.reset();
 }
 
 MotionPrior planarPrior(const PlanarParameters& parameters, const Isometry3d& T_body_camera,

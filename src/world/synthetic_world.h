@@ -83,7 +83,7 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
   visit("imu_offset_ms", o.imu_offset_ms, -50.0, 50.0, "ms",
         "stamp of a sample of the IMU minus that of an image of the same instant");
   visit("wheel_scale_error", o.wheel_scale_error, -0.9, 9.0, "",
-        "share by which way and turn are too large in the odometry of the wheels");
+        "share by which distance and turn are too large in the odometry of the wheels");
   visit("wheel_slip", o.wheel_slip, -0.9, 9.0, "",
         "share by which they are too large, in addition, for a second once in each five seconds");
 }

@@ -15,7 +15,7 @@ struct WheelModel {
   double rate_hz = 50.0;
   double speed_noise = 0.02;   ///< standard deviation of a sample's speed [m/s]
   double turn_noise = 0.01;    ///< of its turn rate [rad/s]
-  double scale_error = 0.0;    ///< share by which way and turn are too large
+  double scale_error = 0.0;    ///< share by which distance and turn are too large
   double slip = 0.0;           ///< share by which they are too large, too, while wheels slip
   double slip_period_s = 5.0;  ///< they slip once in it,
   double slip_s = 1.0;         ///< for so long

@@ -1,4 +1,4 @@
-#include "tools/calibration_picture.h"
+#include "tools/calibration_image.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kShift = 4;         // fractional bits of the drawing coordinates
-constexpr int kWidth_px = 1240;   // of the picture
+constexpr int kWidth_px = 1240;   // of the drawing
 constexpr int kLegend_px = 56;    // height of the text below the images
 constexpr double kDimming = 0.5;  // of the images
 const cv::Scalar kGreen(90, 255, 90);
@@ -24,16 +24,16 @@ cv::Point fixedPoint(const Eigen::Vector2d& pixel) {
   return {cvRound(pixel.x() * (1 << kShift)), cvRound(pixel.y() * (1 << kShift))};
 }
 
-/// One image of the picture with its arrows.
+/// A camera's image with its arrows.
 class Panel {
  public:
-  /// \param arrow_scale picture pixels for a pixel of residual.
+  /// \param arrow_scale pixels of the drawing for a pixel of residual.
   Panel(const cv::Mat& image, double arrow_scale) : arrow_scale_(arrow_scale) {
     scale_ = static_cast<double>(kWidth_px) / image.cols;
     cv::Mat grey;
     cv::resize(image, grey, cv::Size(kWidth_px, std::max(1, cvRound(scale_ * image.rows))), 0.0,
                0.0, scale_ < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
-    cv::cvtColor(grey * kDimming, picture_, cv::COLOR_GRAY2BGR);
+    cv::cvtColor(grey * kDimming, canvas_, cv::COLOR_GRAY2BGR);
   }
 
   void drawArrow(const Eigen::Vector2d& at_px, const Eigen::Vector2d& residual_px,
@@ -41,31 +41,31 @@ class Panel {
     const Eigen::Vector2d from = scale_ * at_px;
     const Eigen::Vector2d to = from + arrow_scale_ * residual_px;
     const double length = (to - from).norm();
-    cv::circle(picture_, fixedPoint(from), 2 << kShift, colour, cv::FILLED, cv::LINE_AA, kShift);
+    cv::circle(canvas_, fixedPoint(from), 2 << kShift, colour, cv::FILLED, cv::LINE_AA, kShift);
     if (length < 1.0) return;
     constexpr double kTip_px = 6.0;
-    cv::arrowedLine(picture_, fixedPoint(from), fixedPoint(to), colour, 2, cv::LINE_AA, kShift,
+    cv::arrowedLine(canvas_, fixedPoint(from), fixedPoint(to), colour, 2, cv::LINE_AA, kShift,
                     std::min(0.5, kTip_px / length));
   }
 
   void drawDot(const Eigen::Vector2d& at_px) {
-    cv::circle(picture_, fixedPoint(scale_ * at_px), 1 << kShift, kGrey, cv::FILLED, cv::LINE_AA,
+    cv::circle(canvas_, fixedPoint(scale_ * at_px), 1 << kShift, kGrey, cv::FILLED, cv::LINE_AA,
                kShift);
   }
 
   void drawText(const std::string& text) {
     for (const auto& [colour, width] : {std::make_pair(cv::Scalar(), 3), {kWhite, 1}}) {
-      cv::putText(picture_, text, cv::Point(8, 20), cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, width,
+      cv::putText(canvas_, text, cv::Point(8, 20), cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, width,
                   cv::LINE_AA);
     }
   }
 
-  const cv::Mat& picture() const { return picture_; }
+  const cv::Mat& canvas() const { return canvas_; }
 
  private:
   double arrow_scale_;
   double scale_ = 1.0;
-  cv::Mat picture_;
+  cv::Mat canvas_;
 };
 
 double largestArrow_px(const CalibrationReport& report) {
@@ -129,11 +129,11 @@ cv::Mat drawCalibration(const CalibrationReport& report) {
   drawField(report.right, &right);
   left.drawText("left: reprojection residual");
   right.drawText("right: columns: reprojection residual; rows: vertical disparity");
-  cv::Mat picture;
-  cv::vconcat(std::vector<cv::Mat>{left.picture(), right.picture(),
+  cv::Mat drawing;
+  cv::vconcat(std::vector<cv::Mat>{left.canvas(), right.canvas(),
                                    drawLegend(legend_px, arrow_scale * legend_px)},
-              picture);
-  return picture;
+              drawing);
+  return drawing;
 }
 
 }  // namespace point_line_odometry
