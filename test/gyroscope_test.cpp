@@ -152,7 +152,7 @@ TEST(Gyroscope, PriorsAreAsUncertainAsTheySay) {
   int count = 0;
   for (int i = 0; i < 12; ++i) {
     const GroundTruth truth{0.01 * Vector3d(i % 5 - 2, i % 3 - 1, i % 4 - 2), 0.004 * (i % 7 - 3),
-                      1.7e-4};
+                            1.7e-4};
     const Gyroscope gyroscope = calibrated(truth, 60);
     const auto prior = gyroscope.between(stampOf(60), stampOf(65));
     ASSERT_TRUE(prior);

@@ -426,7 +426,7 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
                           synthetic::transform(difference, Vector3d::Zero()).linear() *
                           T_prev_prev2.linear();
   const MotionEstimate fused =
-      fuseRotation(frame_to_frame, T_curr_prev2, T_prev_prev2, noisy, camera, {});
+      fuseRotation(frame_to_frame, {T_curr_prev2, T_prev_prev2}, noisy, camera, {});
   ASSERT_TRUE(fused.ok());
   const Vector3d turned =
       logSO3(frame_to_frame.T_curr_prev.linear().transpose() * fused.T_curr_prev.linear());
@@ -461,7 +461,7 @@ TEST(FuseRotation, AgreementChangesNothing) {
       estimateMotion(exact, synthetic::camera(), Isometry3d::Identity(), {});
   const Isometry3d T_prev_prev2 = synthetic::transform({-0.1, 0.2, 0.05}, {0.1, 0.2, -0.4});
   const MotionEstimate fused =
-      fuseRotation(frame_to_frame, frame_to_frame.T_curr_prev * T_prev_prev2, T_prev_prev2, exact,
+      fuseRotation(frame_to_frame, {frame_to_frame.T_curr_prev * T_prev_prev2, T_prev_prev2}, exact,
                    synthetic::camera(), {});
   expectMotion(fused, synthetic::motion(), 1e-6);
   EXPECT_EQ(fused.num_point_inliers, frame_to_frame.num_point_inliers);
@@ -473,8 +473,8 @@ TEST(FuseRotation, AnInconsistentRotationKeepsTheFrameToFrameEstimate) {
   const MotionEstimate frame_to_frame =
       estimateMotion(exact, synthetic::camera(), Isometry3d::Identity(), {});
   const Isometry3d far_off = synthetic::transform({0.0, 1.0, 0.0}, Vector3d::Zero());
-  const MotionEstimate fused =
-      fuseRotation(frame_to_frame, far_off, Isometry3d::Identity(), exact, synthetic::camera(), {});
+  const MotionEstimate fused = fuseRotation(frame_to_frame, {far_off, Isometry3d::Identity()},
+                                            exact, synthetic::camera(), {});
   expectMotion(fused, synthetic::motion(), 1e-6);
 }
 
@@ -487,7 +487,7 @@ TEST(FuseRotation, TheTranslationComesFromAllMatchesWhereOutliersAreKept) {
   frame_to_frame.status = MotionStatus::kOk;
   frame_to_frame.T_curr_prev = synthetic::motion();
   const auto fused = [&] {
-    return fuseRotation(frame_to_frame, synthetic::motion(), Isometry3d::Identity(), mixed,
+    return fuseRotation(frame_to_frame, {synthetic::motion(), Isometry3d::Identity()}, mixed,
                         synthetic::camera(), parameters);
   };
   expectMotion(fused(), synthetic::motion(), 1e-6);

@@ -40,9 +40,9 @@ TEST(PriorFactor, HasTheDerivativesOfItsResidual) {
   EXPECT_EQ(factor.axes(), 6);
   // Within and beyond Huber's delta.
   for (const double scale : {0.2, 6.0}) {
-    const Isometry3d T =
-        synthetic::transform(scale * Vector3d(0.02, -0.03, 0.05), scale * Vector3d(-0.05, 0.03, 0.1)) *
-        synthetic::motion();
+    const Isometry3d T = synthetic::transform(scale * Vector3d(0.02, -0.03, 0.05),
+                                              scale * Vector3d(-0.05, 0.03, 0.1)) *
+                         synthetic::motion();
     const auto moved = [&](const Vector6d& by) {
       Isometry3d T_moved = T;
       T_moved.linear() = expSO3(by.head<3>()) * T.linear();
@@ -153,7 +153,7 @@ TEST(EstimateWithPrior, ImprovesAnEstimateByWhatItKnows) {
     if (!images.ok()) continue;
     const PriorFactor factor(rotationPrior(synthetic::motion(), 1e-4));
     const MotionEstimate fused =
-        estimateWithPrior(images, factor, some, camera, images.T_curr_prev, {});
+        estimateWithPrior(images, {factor, images.T_curr_prev}, some, camera, {});
     ASSERT_TRUE(fused.ok());
     const auto error = [](const MotionEstimate& estimate) {
       return rotationAngle(estimate.T_curr_prev.linear() *

@@ -53,7 +53,7 @@ class StereoOdometry {
 
   /// Continues from where saveState() was called: with the same camera and parameters, the same
   /// images give the same bits, by the same version of this library on the same kind of computer.
-  /// Throws std::invalid_argument, and is as after reset(), if the bytes are not complete or of
+  /// Throws std::invalid_argument, and changes nothing then, if the bytes are not complete or of
   /// another layout; numbers are not checked beyond that.
   void restoreState(const std::string& bytes);
 

@@ -32,9 +32,9 @@ struct OdometryFaults {
 
 /// Motion priors of the camera from the odometry of the robot's wheels: the difference of its poses
 /// at the stamps of two frames. Its error is that of the velocity, constant over the interval, and
-/// a share of the distance and of the turn (slip). It is compared with the images, and suspended while
-/// too often they disagree. What a frame gets depends on the stamps of samples and frames, not on
-/// the order in which samples arrive. Memory is bounded. Deterministic; not thread-safe.
+/// a share of the distance and of the turn (slip). It is compared with the images, and suspended
+/// while too often they disagree. What a frame gets depends on the stamps of samples and frames,
+/// not on the order in which samples arrive. Memory is bounded. Deterministic; not thread-safe.
 class WheelOdometry {
  public:
   /// \param T_body_camera pose of the rectified left camera in the body whose poses are given.

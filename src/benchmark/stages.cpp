@@ -121,7 +121,7 @@ std::size_t Stages::fuse() {
   const MotionEstimate over_two = estimateMotion(correspondencesOf(prev2_, matches, expected),
                                                  camera_, expected, parameters_.motion);
   if (!over_two.ok()) return 0;
-  const MotionEstimate fused = fuseRotation(motion_, over_two.T_curr_prev, T_prev_prev2_,
+  const MotionEstimate fused = fuseRotation(motion_, {over_two.T_curr_prev, T_prev_prev2_},
                                             correspondences_, camera_, parameters_.motion);
   return static_cast<std::size_t>(fused.num_point_inliers + fused.num_line_inliers);
 }

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <utility>
 
-#include "geometry/se3.h"
+#include "map/bundle_list.h"
+#include "map/landmark_ids.h"
+#include "map/landmark_update.h"
 #include "map/new_landmarks.h"
 #include "motion/observations.h"
 
 namespace point_line_odometry {
 namespace {
-
-constexpr auto kBoth = ResidualImages::kBoth;
 
 // Relative-pose factors of the window: the tracked motions between keyframes, with this factor on
 // their standard deviations. They come from the same observations, which must not count twice; but
@@ -35,103 +35,6 @@ Matrix6d rotateCovariance(const Eigen::Matrix3d& R, const Matrix6d& covariance) 
   Matrix6d blocks = Matrix6d::Zero();
   blocks.topLeftCorner<3, 3>() = blocks.bottomRightCorner<3, 3>() = R;
   return blocks * covariance * blocks.transpose();
-}
-
-/// The ids of landmarks, which are in ascending order: much faster to search than the landmarks,
-/// each of which fills several lines of the cache.
-class LandmarkIds {
- public:
-  template <typename Landmark>
-  explicit LandmarkIds(const std::vector<Landmark>& landmarks) {
-    ids_.reserve(landmarks.size());
-    for (const Landmark& landmark : landmarks) ids_.push_back(landmark.id);
-  }
-
-  /// Index of a landmark, or -1 if it was culled.
-  int indexOf(std::uint64_t id) const {
-    const auto it = std::lower_bound(ids_.begin(), ids_.end(), id);
-    return it != ids_.end() && *it == id ? static_cast<int>(it - ids_.begin()) : -1;
-  }
-
- private:
-  std::vector<std::uint64_t> ids_;
-};
-
-/// Collects the landmarks of one kind, and their observations, for a bundle adjustment.
-template <typename Landmark, typename Listed>
-class BundleList {
- public:
-  /// \param list empty; it is filled.
-  BundleList(const std::vector<Landmark>& landmarks, std::vector<Listed>* list)
-      : landmarks_(landmarks), ids_(landmarks), index_(landmarks.size(), -1), list_(*list) {}
-
-  /// Adds the landmarks that a keyframe observed.
-  template <typename Entries>
-  void add(const Entries& entries) {
-    for (const auto& entry : entries) {
-      const int i = ids_.indexOf(entry.landmark);
-      if (i < 0 || index_[i] >= 0) continue;
-      index_[i] = static_cast<int>(list_.size());
-      list_.emplace_back();
-      list_.back().id = landmarks_[i].id;
-      list_.back().estimate = landmarks_[i].estimate;
-    }
-  }
-
-  /// Adds the observations of a frame of the problem to the landmarks that were added.
-  template <typename Entries>
-  void observe(const Entries& entries, int frame) {
-    for (const auto& entry : entries) {
-      const int i = ids_.indexOf(entry.landmark);
-      if (i >= 0 && index_[i] >= 0)
-        list_[index_[i]].observations.push_back({frame, entry.observation});
-    }
-  }
-
-  /// Removes the landmarks that one frame alone observed.
-  void dropSingle() {
-    const auto single = [](const Listed& landmark) { return landmark.observations.size() < 2; };
-    list_.erase(std::remove_if(list_.begin(), list_.end(), single), list_.end());
-  }
-
- private:
-  const std::vector<Landmark>& landmarks_;
-  LandmarkIds ids_;
-  std::vector<int> index_;  // of a landmark in the list, or -1
-  std::vector<Listed>& list_;
-};
-
-/// Derivative of a landmark's coordinates by the pose from which it is seen: the shift, along and
-/// about the camera's axes, that has the same effect on its pixels.
-template <int kSize, int kDof>
-Eigen::Matrix<double, kSize, 6> landmarkByPose(const GaussianEstimate<kSize, kDof>& estimate,
-                                               const Eigen::Isometry3d& T_camera_map) {
-  const Eigen::Matrix3d R_map_camera = T_camera_map.linear().transpose();
-  Eigen::Matrix<double, kSize, 6> J;
-  for (int i = 0; i < kSize; i += 3) {
-    const Eigen::Vector3d p_camera = T_camera_map * estimate.value.template segment<3>(i).eval();
-    J.template block<3, 3>(i, 0) = -R_map_camera;
-    J.template block<3, 3>(i, 3) = R_map_camera * skew(p_camera);
-  }
-  return J;
-}
-
-/// EKF update of a landmark by an observation from a pose. Returns false if the landmark is or gets
-/// behind the camera, where the linearisation is invalid, as for an end point of a line with a
-/// large variance along its ray.
-template <typename Residual, typename Estimate, typename Observation>
-bool ekfUpdate(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map,
-               const Matrix6d& pose_covariance, const Observation& observation,
-               Estimate* estimate) {
-  const Residual residual(correspondence(*estimate, observation), camera, T_camera_map);
-  if (!residual.valid) return false;
-  using Noise = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
-  const auto J = residual.jacobianByLandmark();
-  const auto J_pose = (J * landmarkByPose(*estimate, T_camera_map)).eval();
-  const Noise noise = observation.sigma_px * observation.sigma_px * Noise::Identity() +
-                      J_pose * pose_covariance * J_pose.transpose();
-  estimate->template update<Residual::kRows>(residual.value, J, noise);
-  return Residual(correspondence(*estimate, observation), camera, T_camera_map).valid;
 }
 
 /// Removes landmarks whose position is invalid.
@@ -273,13 +176,14 @@ void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches
                                const MotionEstimate& motion, ThreadPool* threads) {
   const Eigen::Isometry3d T_camera_map = T_map_previous_.inverse();
   std::vector<std::uint64_t> wrong;
-  const auto update = [&](const auto& matches, const std::vector<bool>& inliers, auto update_one,
-                          auto* landmarks, auto* entries) {
+  const auto update = [&](const auto& matches, const std::vector<bool>& inliers, auto* landmarks,
+                          auto* entries) {
     std::vector<std::uint8_t> valid(matches.size());  // not bool: those of a byte share it
     runParts(threads, matches.size(), [&](int, std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
-        if (inliers[i])
-          valid[i] = update_one(matches[i], &(*landmarks)[matches[i].landmark].estimate);
+        if (!inliers[i]) continue;
+        valid[i] = ekfUpdate(camera, T_camera_map, previous_.covariance, matches[i].observation,
+                             &(*landmarks)[matches[i].landmark].estimate);
       }
     });
     for (std::size_t i = 0; i < matches.size(); ++i) {
@@ -294,21 +198,8 @@ void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches
       }
     }
   };
-  const Matrix6d& covariance = previous_.covariance;
-  update(
-      landmark_matches.points, motion.point_inliers,
-      [&](const LandmarkMatches::Point& match, PointEstimate* estimate) {
-        return ekfUpdate<PointResidual<kBoth>>(camera, T_camera_map, covariance, match.observation,
-                                               estimate);
-      },
-      &points_, &previous_.points);
-  update(
-      landmark_matches.lines, motion.line_inliers,
-      [&](const LandmarkMatches::Line& match, LineEstimate* estimate) {
-        return ekfUpdate<LineResidual<kBoth>>(camera, T_camera_map, covariance, match.observation,
-                                              estimate);
-      },
-      &lines_, &previous_.lines);
+  update(landmark_matches.points, motion.point_inliers, &points_, &previous_.points);
+  update(landmark_matches.lines, motion.line_inliers, &lines_, &previous_.lines);
   cull(wrong, &points_);
   cull(wrong, &lines_);
 }

@@ -55,12 +55,17 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                                             const MotionParameters& parameters,
                                             ThreadPool* threads = nullptr);
 
+/// A motion prior as a residual, and the motion that is predicted with it.
+struct PriorMotion {
+  PriorFactor factor;
+  Eigen::Isometry3d T_curr_prev_predicted;
+};
+
 /// Estimates again with a motion prior as one more residual. \param images the estimate without it:
-/// from its inliers, or from all matches if it is not ok. \param T_curr_prev_predicted initial
-/// value in that case. Returns `images` if there is no solution.
-MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorFactor& prior,
+/// from its inliers, or from all matches and the predicted motion if it is not ok. Returns `images`
+/// if there is no solution.
+MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorMotion& prior,
                                  const Correspondences& correspondences, const StereoCamera& camera,
-                                 const Eigen::Isometry3d& T_curr_prev_predicted,
                                  const MotionParameters& parameters, ThreadPool* threads = nullptr);
 
 /// Fuses a motion with a predicted one by their covariances (Kalman update) if the prediction has
@@ -69,12 +74,15 @@ MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorFactor
 bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,
                            const Matrix6d& covariance, MotionEstimate* motion);
 
+/// The motion over two frames, and its first half.
+struct TwoFrameMotion {
+  Eigen::Isometry3d T_curr_prev2;  ///< k-2 -> k
+  Eigen::Isometry3d T_prev_prev2;  ///< k-2 -> k-1
+};
+
 /// Fuses the rotation of `frame_to_frame` (k-1 -> k) with that of the two-frame estimate by slerp
 /// at one half (paper, eq. 9-10) and estimates the translation again with the rotation fixed.
-/// \param T_curr_prev2 estimate over two frames, k-2 -> k. \param T_prev_prev2 estimate k-2 -> k-1.
-MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame,
-                            const Eigen::Isometry3d& T_curr_prev2,
-                            const Eigen::Isometry3d& T_prev_prev2,
+MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame, const TwoFrameMotion& two_frames,
                             const Correspondences& correspondences, const StereoCamera& camera,
                             const MotionParameters& parameters, ThreadPool* threads = nullptr);
 

@@ -235,9 +235,9 @@ TrackingResult FrameTracker::trackFrameToFrame(const StereoFrame& curr,
   if (tracked.frame_to_frame.ok() && over_two_frames.ok()) {
     const StageTimer timer(times_, Stage::kFuse);
     tracked.motion = tracked.frame_to_frame =
-        fuseRotation(tracked.frame_to_frame, over_two_frames.T_curr_prev,
-                     history_.before_previous->T_previous_before, tracked.correspondences,
-                     context_.camera, parameters_.motion, threads_);
+        fuseRotation(tracked.frame_to_frame,
+                     {over_two_frames.T_curr_prev, history_.before_previous->T_previous_before},
+                     tracked.correspondences, context_.camera, parameters_.motion, threads_);
   }
   tracked.reason = trackingReason(tracked.frame_to_frame.status);
   return tracked;
@@ -374,8 +374,8 @@ MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expe
     if (tracked->prior.use == PriorUse::kRejected) return images;
   }
   MotionEstimate with_prior =
-      estimateWithPrior(images, PriorFactor(*expected.prior), matches, context_.camera, T_curr_prev,
-                        parameters_.motion, threads);
+      estimateWithPrior(images, {PriorFactor(*expected.prior), T_curr_prev}, matches,
+                        context_.camera, parameters_.motion, threads);
   if (with_prior.ok()) tracked->prior.use = PriorUse::kUsed;
   return with_prior;
 }

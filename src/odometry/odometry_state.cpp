@@ -58,6 +58,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0, agreed);
   stamp_ns = curr.stamp_ns;
+  failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
   // Small displacements are measurable with sub-pixels only.
@@ -120,6 +121,12 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
   if (!history.previous || !history.map || parameters.tracking.relocalization_s == 0.0) return;
   if (lost && lost->history.map->numKeyframes() > history.map->numKeyframes()) return;
   lost = LostMap{std::exchange(history, FrameHistory()), pose.anchor(), 0};
+}
+
+void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
+                            const FramePrior& prior) {
+  const double dt_s = toSeconds(curr_stamp_ns - *stamp_ns);
+  tracking = pose.predict(curr_stamp_ns, dt_s, parameters, prior.ofStep());
 }
 
 void OdometryState::returnToLostMap() {

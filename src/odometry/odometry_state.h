@@ -61,6 +61,10 @@ struct OdometryState {
   std::optional<TrackingStart> trackingStart(std::int64_t curr_stamp_ns, const FramePrior& prior,
                                              const Parameters& parameters) const;
 
+  /// Predicts the pose of a frame that could not be processed; the previous frame remains.
+  void predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
+               const FramePrior& prior);
+
   /// Restores the lost map, in which the camera was relocalized.
   void returnToLostMap();
 

@@ -111,7 +111,8 @@ bool PoseSmoother::isStationary(const PoseIntegrator& estimate, double dt_s) {
   }
   const Matrix6d noise = motionNoise(estimate);
   if (stationary_) {
-    const Vector6d difference = poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
+    const Vector6d difference =
+        poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
     const Matrix6d covariance = stationary_->noise + noise + estimate.previousCovariance() -
                                 stationary_->previous_covariance;
     if (isNoise(difference, covariance, kMaxSigmas)) {

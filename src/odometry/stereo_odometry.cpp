@@ -100,29 +100,24 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   update(std::move(curr), context, tracked, prior, result);
 }
 
-/// Updates the state: pose, noise, calibration, map.
 void StereoOdometry::Impl::update(StereoFrame curr, const FrameContext& context,
                                   const TrackingResult& tracked, const FramePrior& prior,
                                   FrameResult* result) {
   if (tracked.in_lost_map) state.returnToLostMap();
   reportTracking(state, curr, context.camera, tracked, prior, result);
-  state.failed_windows = 0;
   state.update(std::move(curr), context, tracked, prior, threads.get(), &result->times);
   const StageTimer timer(&result->times, Stage::kUpdateMap);
   window.start(context.camera, parameters, &state.history.map);
 }
 
-/// Before the pose is updated the state is unchanged, and the next frame can be matched with the
-/// same previous one; after that, the landmarks may be half updated.
+/// Before the pose is updated, the state is as before, and the next frame is matched with the same
+/// previous one; after that, the landmarks may be half updated.
 void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, FrameResult* result) {
-  const bool updated = state.stamp_ns == result->stamp_ns;
-  if (updated) {
+  if (state.stamp_ns == result->stamp_ns) {
     restartTracking();
     state.tracking = TrackingState::kDegraded;
   } else if (state.stamp_ns) {
-    const double dt_s = toSeconds(result->stamp_ns - *state.stamp_ns);
-    state.tracking =
-        state.pose.predict(result->stamp_ns, dt_s, parameters.tracking, prior.ofStep());
+    state.predict(result->stamp_ns, parameters.tracking, prior);
   }
   state.stamp_ns = result->stamp_ns;
   result->reason = TrackingReason::kException;
@@ -150,8 +145,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 }
 
 void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
-  const Parameters before = parameters;
-  parameters = validated(wanted);
+  const Parameters before = std::exchange(parameters, validated(wanted));
   if (!wanted.motion.adapt_noise || wanted.window.size == 0) state.noise = NoiseScale();
   threads = std::make_unique<ThreadPool>(wanted.tracking.threads);
   detector = StereoFeatureDetector(wanted.points, wanted.lines);
@@ -170,9 +164,9 @@ std::string StereoOdometry::Impl::saveState() {
 }
 
 void StereoOdometry::Impl::restoreState(const std::string& bytes) {
-  reset(Eigen::Isometry3d::Identity());
-  OdometryState restored = state;
+  OdometryState restored(scaling.camera());
   fromBytes(bytes, &restored);
+  window.discard();
   state = std::move(restored);
 }
 

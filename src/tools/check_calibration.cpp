@@ -173,7 +173,7 @@ po::options_description describeOutput(Options* options) {
       ("set", po::value(&options->settings)->value_name("NAME=VALUE")->composing(),
        "one parameter; may be given several times, overrides --config")
       ("output,o", po::value(&options->output)->value_name("DIR"),
-       "folder for calibration.png, a image of the residuals over the image")
+       "folder for calibration.png, an image of the residuals over the image")
       ("write", po::bool_switch(&options->write),
        "write DIR/left.yaml and DIR/right.yaml, the corrected calibration")
       ("quiet", po::bool_switch(&options->quiet), "no progress bar")

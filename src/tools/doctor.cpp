@@ -63,8 +63,8 @@ std::vector<DoctorLine> conclude(const DoctorPairs& pairs, const AllParameters& 
   return checkInput(facts);
 }
 
-// Processed sets: for the speed and a trigger, and enough of them that the camera's rates tell the axes of
-// an IMU.
+// Processed sets: for the speed and a trigger, and enough of them that the camera's rates tell the
+// axes of an IMU.
 constexpr std::size_t kSets = 30;
 constexpr std::size_t kSetsWithImu = 60;
 

@@ -96,7 +96,7 @@ po::options_description describeWorldOptions() {
 
 void printHelp(const po::options_description& options) {
   std::cout << "usage: synthetic_world OUT [options]\n\n"
-               "Renders what a stereo camera sees in a synthetic world, with the exact ground "
+               "Renders what a stereo camera sees in a synthetic world, with the exact "
                "ground truth:\n"
                "  OUT.bag   as dataset_to_bag writes it\n"
                "  OUT       a folder in KITTI's layout (street) or EuRoC's (the others)\n"
