@@ -144,6 +144,20 @@ class PriorsTest(RosTest):
                         self.status("input").message)
         self.assertGreaterEqual(self.status("input").level, DiagnosticStatus.WARN)
 
+    # --- sources that never say anything
+
+    def test_silent_sources_change_no_bit(self):
+        images = self.by_images()
+        for parameters in ({"imu/enabled": True}, {"wheels/enabled": True},
+                           {"imu/enabled": True, "wheels/enabled": True}):
+            with self.subTest(**parameters):
+                loaded = self.load(**parameters)
+                drive = self.drive(loaded)
+                self.assertEqual(drive.states, {OdometryInfo.OK})
+                self.assertEqual(set(drive.priors), {"none"})
+                np.testing.assert_array_equal(drive.positions, images.positions)
+                self.end(loaded)
+
     # --- guess_frame_id
 
     def send_later(self, frame, after_s):

@@ -168,6 +168,59 @@ class OfflineOdometryTest(ToolTest):
         self.assertEqual(sorted(os.listdir(os.path.join(output, "features"))),
                          ["000000.png", "000002.png"])
 
+    # --- --priors
+
+    def prior_row(self, start, end, sigma=0.01):
+        """The true motion between two of the frames, or stamps."""
+        stamps = [stamp if isinstance(stamp, str) else f"{0.1 * stamp:.9f}" for stamp in (start, end)]
+        return " ".join([*stamps, "0.12 0 0 0 0 0 1", *[str(sigma)] * 6]) + "\n"
+
+    def with_priors(self, rows, name, *options):
+        """A run with a prior file; its summary, and what it has said."""
+        write(self.path("priors.txt"), "".join(rows))
+        result = self.succeed("offline_odometry", self.kitti, "-o", self.path(name), "--quiet",
+                              "--priors", self.path("priors.txt"), *options)
+        with open(self.path(name, "summary.json")) as file:
+            return json.load(file), result.stderr
+
+    def test_priors(self):
+        rows = ["# the motions of all frames\n", *(self.prior_row(i, i + 1) for i in range(FRAMES - 1))]
+        summary, said = self.with_priors(rows, "out")
+        self.assertEqual(said, "")
+        self.assertEqual(summary["priors"], {"none": 1, "used": FRAMES - 1})
+        self.assertEqual(summary["prior_file"], {"rows": FRAMES - 1, "unmatched": []})
+        summary, said = self.with_priors(rows, "fewer", "--max-frames", "2")
+        self.assertEqual(said, "")
+        self.assertEqual(summary["prior_file"], {"rows": 1, "unmatched": []})
+        self.assertNotIn("prior_file", json.loads(read(os.path.join(
+            self.offline(self.kitti, "without"), "summary.json"))))
+
+    def test_priors_that_match_no_frames_are_named(self):
+        rows = [self.prior_row(0, 1), self.prior_row("0.100000000", "0.200000400"),
+                self.prior_row(1, 3), self.prior_row("7.5", "7.6")]
+        summary, said = self.with_priors(rows, "out")
+        self.assertEqual(summary["priors"], {"none": 2, "used": 1, "invalid": 1})
+        unmatched = [["0.100000000", "0.200000400"], ["0.100000000", "0.300000000"],
+                     ["7.500000000", "7.600000000"]]
+        self.assertEqual(summary["prior_file"], {"rows": 4, "unmatched": unmatched})
+        self.assertEqual(said.count("\n"), 1, said)
+        self.assertTrue(said.startswith("offline_odometry: warning: 3 of 4 rows"), said)
+        for words in ("priors.txt", "0.100000000 to 0.200000400", "7.500000000 to 7.600000000",
+                      "0 and 400 ns away"):
+            self.assertIn(words, said)
+
+    def test_refuses_priors_of_which_none_matches(self):
+        every = [self.prior_row(i, i + 1) for i in range(FRAMES - 1)]
+        cases = [([self.prior_row("0.2000001", "0.3000001")], (), "1 of 1 rows"),
+                 (every, ("--every", "2"), "3 of 3 rows"), ([], (), "has no row"),
+                 (every + every[:1], (), "a second motion that ends at the same stamp")]
+        for rows, options, words in cases:
+            with self.subTest(words=words):
+                write(self.path("priors.txt"), "".join(rows))
+                self.refuse([words, "priors.txt"], "offline_odometry", self.kitti,
+                            "-o", self.path("out"), "--quiet",
+                            "--priors", self.path("priors.txt"), *options)
+
     def test_replaces_older_results(self):
         self.offline(self.kitti, "out", "--features-images", 1)
         output = self.offline(self.kitti, "out", "--features-images", 2, "--max-frames", 2)

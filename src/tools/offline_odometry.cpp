@@ -231,6 +231,10 @@ int runOdometry(const Options& options) {
   info.parameters = run.odometry()->parameters();
   info.gyroscope = run.gyroscope();
   info.gravity = run.gravity();
+  info.prior_file = run.priorFileUse(options.max_frames > 0);
+  if (info.prior_file)
+    printWarnings("offline_odometry",
+                  unmatchedRows(*info.prior_file, options.priors, run.stamps()));
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
   if (ground_truth.empty()) {
@@ -291,7 +295,8 @@ po::options_description describeInput(Options* options) {
       ("priors", po::value(&options->priors)->value_name("FILE"),
        "motion priors of frames, a row each: 'from_s to_s tx ty tz qx qy qz qw stx sty stz srx sry\n"
        "srz', the motion of the left camera between two stamps [m] and its standard deviations\n"
-       "[m, rad] along and about the axes of the first, 0: unknown")
+       "[m, rad] along and about the axes of the first, 0: unknown; the stamps, to the nanosecond,\n"
+       "are those of two frames in succession: rows that match none are named")
       ("max-frames", po::value(&options->max_frames)->value_name("N"), "stop after N frames");
   // clang-format on
   return description;

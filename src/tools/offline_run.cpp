@@ -67,18 +67,26 @@ Eigen::Isometry3d OfflineRun::T_rectified_input() const {
 /// The prior of the motion until a frame: of a recording, of a file, or as measured.
 std::optional<MotionPrior> OfflineRun::priorOf(std::int64_t stamp_ns) {
   if (replay_ != nullptr) return replay_->priorOf(stamp_ns);
-  const auto given = priors_.find(stamp_ns);
-  if (given != priors_.end()) {
-    MotionPrior prior = given->second;
-    if (rectifier_) {
-      const Matrix6d turn = blockRotation(rectifier_->R_rectified_raw());
-      const Eigen::Isometry3d T_rectified_raw = T_rectified_input();
-      prior.T_prev_curr = T_rectified_raw * prior.T_prev_curr * T_rectified_raw.inverse();
-      prior.information = turn * prior.information * turn.transpose();
-    }
-    return prior;
+  if (priors_) {
+    if (std::optional<MotionPrior> given = givenPrior(stamp_ns)) return given;
   }
   return measuredPrior(stamp_ns);
+}
+
+/// Of the file; one that begins at another stamp than that of the last frame is for the odometry to
+/// refuse.
+std::optional<MotionPrior> OfflineRun::givenPrior(std::int64_t stamp_ns) {
+  const auto given = priors_->find(stamp_ns);
+  if (given == priors_->end()) return std::nullopt;
+  MotionPrior prior = given->second;
+  if (prior.from_ns == last_ns_) matched_priors_.insert(stamp_ns);
+  if (rectifier_) {
+    const Matrix6d turn = blockRotation(rectifier_->R_rectified_raw());
+    const Eigen::Isometry3d T_rectified_raw = T_rectified_input();
+    prior.T_prev_curr = T_rectified_raw * prior.T_prev_curr * T_rectified_raw.inverse();
+    prior.information = turn * prior.information * turn.transpose();
+  }
+  return prior;
 }
 
 /// By gyroscope, wheels and floor.
@@ -97,6 +105,28 @@ std::optional<MotionPrior> OfflineRun::measuredPrior(std::int64_t stamp_ns) {
   if (parameters_.planar.enabled)
     add(planarPrior(parameters_.planar, T_base_camera_, *last_ns_, stamp_ns));
   return fused(priors);
+}
+
+void OfflineRun::setPriors(PriorsByStamp priors) {
+  priors_ = std::move(priors);
+  matched_priors_.clear();
+}
+
+std::vector<std::int64_t> OfflineRun::stamps() const {
+  std::vector<std::int64_t> stamps_ns;
+  for (const FrameRow& row : rows_) stamps_ns.push_back(row.pose.stamp_ns);
+  return stamps_ns;
+}
+
+std::optional<PriorFileUse> OfflineRun::priorFileUse(bool left_out) const {
+  if (!priors_) return std::nullopt;
+  PriorFileUse use;
+  for (const auto& [to_ns, prior] : *priors_) {
+    if (left_out && !rows_.empty() && to_ns > rows_.back().pose.stamp_ns) break;
+    ++use.rows;
+    if (matched_priors_.count(to_ns) == 0) use.unmatched.push_back({prior.from_ns, to_ns});
+  }
+  return use;
 }
 
 std::optional<GravityCalibration> OfflineRun::gravity() const {

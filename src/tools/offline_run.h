@@ -4,7 +4,7 @@
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
-#include <utility>
+#include <set>
 #include <vector>
 
 #include "odometry/adaptive_feature_budget.h"
@@ -32,13 +32,18 @@ class OfflineRun {
   void setTargetFrameTime(double target_ms);
 
   /// From now on these are the motion priors, of the left camera of the source.
-  void setPriors(PriorsByStamp priors) { priors_ = std::move(priors); }
+  void setPriors(PriorsByStamp priors);
+
+  /// The use of these until the last frame; nothing without any. \param left_out whether later
+  /// frames may have been left out: priors that end after the last one do not count then.
+  std::optional<PriorFileUse> priorFileUse(bool left_out) const;
 
   /// Processes the next frame; false at the end of the source.
   bool step();
 
   StereoOdometry* odometry() { return &odometry_; }
   const std::vector<FrameRow>& rows() const { return rows_; }
+  std::vector<std::int64_t> stamps() const;  ///< of the rows [ns]
   const ResidualHistogram& pointResiduals() const { return point_residuals_; }
   const ResidualHistogram& lineResiduals() const { return line_residuals_; }
 
@@ -64,6 +69,7 @@ class OfflineRun {
   void startWheels();
   Eigen::Isometry3d T_rectified_input() const;
   std::optional<MotionPrior> priorOf(std::int64_t stamp_ns);
+  std::optional<MotionPrior> givenPrior(std::int64_t stamp_ns);
   std::optional<MotionPrior> measuredPrior(std::int64_t stamp_ns);
   void adaptBudget(double frame_ms);
 
@@ -81,8 +87,9 @@ class OfflineRun {
   std::vector<OdometrySample> wheel_samples_;
   std::size_t next_wheel_sample_ = 0;
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();  // with planar/enabled
-  PriorsByStamp priors_;
-  std::optional<std::int64_t> last_ns_;  // of the last accepted frame
+  std::optional<PriorsByStamp> priors_;
+  std::set<std::int64_t> matched_priors_;  // by their ends
+  std::optional<std::int64_t> last_ns_;    // of the last accepted frame
   cv::Mat left_;
   cv::Mat left_mask_;
   FrameResult result_;

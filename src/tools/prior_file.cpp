@@ -1,18 +1,22 @@
 #include "tools/prior_file.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <locale>
 #include <sstream>
 #include <vector>
 
+#include "common/classic_stream.h"
 #include "common/input_error.h"
 
 namespace point_line_odometry {
 namespace {
 
 constexpr std::size_t kNumbers = 15;
+
+constexpr std::size_t kNamedRows = 5;  // in a warning
 
 std::int64_t toStamp(long double stamp_s) {
   constexpr long double kMaxStamp_s = 4e9L;  // limit of ros::Time
@@ -45,6 +49,14 @@ MotionPrior parsePrior(const std::string& row) {
   return prior;
 }
 
+/// From a stamp to the nearest frame.
+std::int64_t distanceToFrame_ns(std::int64_t stamp_ns, const std::vector<std::int64_t>& frames_ns) {
+  std::int64_t nearest_ns = std::abs(frames_ns.front() - stamp_ns);
+  for (const std::int64_t frame_ns : frames_ns)
+    nearest_ns = std::min(nearest_ns, std::abs(frame_ns - stamp_ns));
+  return nearest_ns;
+}
+
 }  // namespace
 
 PriorsByStamp readPriors(const std::string& file) {
@@ -55,12 +67,38 @@ PriorsByStamp readPriors(const std::string& file) {
     if (row.empty() || row.front() == '#') continue;
     try {
       const MotionPrior prior = parsePrior(row);
-      priors[prior.to_ns] = prior;
+      if (!priors.emplace(prior.to_ns, prior).second)
+        throw InputError("a second motion that ends at the same stamp");
     } catch (const InputError& error) {
       throw InputError("prior file '" + file + "': " + error.what() + " in '" + row + "'");
     }
   }
   return priors;
+}
+
+std::vector<std::string> unmatchedRows(const PriorFileUse& use, const std::string& file,
+                                       const std::vector<std::int64_t>& frames_ns) {
+  if (frames_ns.size() < 2) return {};
+  if (use.rows == 0) throw InputError("prior file '" + file + "' has no row for these frames");
+  if (use.unmatched.empty()) return {};
+  std::ostringstream text = classicStream();
+  text << use.unmatched.size() << " of " << use.rows << " rows of prior file '" << file
+       << "' are of no two frames in succession and were not used:";
+  const std::size_t named = std::min(use.unmatched.size(), kNamedRows);
+  for (std::size_t i = 0; i < named; ++i) {
+    text << (i > 0 ? ", " : " ");
+    writeStamp(text, use.unmatched[i].from_ns);
+    text << " to ";
+    writeStamp(text, use.unmatched[i].to_ns);
+  }
+  if (named < use.unmatched.size()) text << " and " << use.unmatched.size() - named << " more";
+  const StampPair& first = use.unmatched.front();
+  text << "; frames nearest to the stamps of the first are "
+       << distanceToFrame_ns(first.from_ns, frames_ns) << " and "
+       << distanceToFrame_ns(first.to_ns, frames_ns)
+       << " ns away: give the stamps of frames to the nanosecond, of every Nth frame with --every";
+  if (use.unmatched.size() == use.rows) throw InputError(text.str());
+  return {text.str()};
 }
 
 }  // namespace point_line_odometry

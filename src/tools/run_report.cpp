@@ -198,6 +198,20 @@ json changedParametersJson(const Parameters& parameters) {
   return object;
 }
 
+std::string stampText(std::int64_t stamp_ns) {
+  std::ostringstream text = classicStream();
+  writeStamp(text, stamp_ns);
+  return text.str();
+}
+
+/// Stamps are texts, since numbers lose nanoseconds.
+json priorFileJson(const PriorFileUse& use) {
+  json unmatched = json::array();
+  for (const StampPair& row : use.unmatched)
+    unmatched.push_back({stampText(row.from_ns), stampText(row.to_ns)});
+  return {{"rows", use.rows}, {"unmatched", unmatched}};
+}
+
 }  // namespace
 
 std::string formatFramesCsv(const std::vector<FrameRow>& rows) {
@@ -271,6 +285,7 @@ std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& 
         {"lines", residualsJson(info.line_residuals)}}}};
   if (info.gyroscope) summary["gyroscope"] = gyroscopeJson(*info.gyroscope);
   if (info.gravity) summary["gravity"] = gravityJson(*info.gravity);
+  if (info.prior_file) summary["prior_file"] = priorFileJson(*info.prior_file);
   if (info.recording) summary["recording"] = recordingJson(*info.recording);
   // File names may have any bytes: those that are not UTF-8 are replaced.
   return summary.dump(2, ' ', false, json::error_handler_t::replace) + "\n";

@@ -15,6 +15,7 @@
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/residual_histogram.h"
 #include "point_line_odometry/types.h"
+#include "tools/prior_file.h"
 #include "tools/recording_replay.h"
 
 namespace point_line_odometry {
@@ -53,6 +54,7 @@ struct RunInfo {
   ResidualHistogram line_residuals;
   std::optional<GyroscopeCalibration> gyroscope;  ///< at the end
   std::optional<GravityCalibration> gravity;      ///< at the end
+  std::optional<PriorFileUse> prior_file;         ///< with --priors
   std::optional<RecordingComparison> recording;   ///< of the replay of a recording
   Parameters parameters;                          ///< at the end
 };
