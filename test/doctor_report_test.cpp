@@ -14,6 +14,8 @@
 #include "ros/camera_messages.h"
 #include "ros/doctor_checks.h"
 #include "ros/doctor_rules.h"
+#include "ros/image_conversion.h"
+#include "ros/side_by_side.h"
 #include "ros/stereo_input.h"
 #include "world/synthetic_world.h"
 
@@ -396,6 +398,32 @@ TEST(DoctorReportTest, ReportsSwappedCameras) {
   expectLine(some, Subject::kDisparity, Level::kWarn, "behind infinity", "calibrate");
 }
 
+/// Halves of one image that shows both cameras side by side, moved to the left in it.
+Camera sideBySide(int shift_px, bool swapped) {
+  Camera camera;
+  cv::Mat both;
+  cv::hconcat(camera.left_, camera.right_, both);
+  cv::Mat moved;
+  cv::hconcat(both.colRange(shift_px, both.cols), both.colRange(0, shift_px), moved);
+  const auto halves = cutInTwo(*toImageMessage(moved, makeHeader("usb_cam", ros::Time(1.0))));
+  camera.left_ = toGray(*halves[swapped ? 1 : 0]).clone();
+  camera.right_ = toGray(*halves[swapped ? 0 : 1]).clone();
+  return camera;
+}
+
+TEST(DoctorReportTest, ReportsTheWrongHalfOfASideBySideImage) {
+  EXPECT_FALSE(sideBySide(0, false).watch().seam_column);
+  const DoctorFacts swapped = sideBySide(0, true).watch();
+  expectLine(swapped, Subject::kDisparity, Level::kError, "are swapped", "swap:=true");
+  EXPECT_FALSE(swapped.seam_column);
+  for (const int shift_px : {12, 100, 600}) {
+    const DoctorFacts facts = sideBySide(shift_px, false).watch();
+    const std::string column = std::to_string(street().images.left.cols - shift_px);
+    expectLine(facts, Subject::kImages, Level::kError,
+               "column " + column + ": they are halves of a side-by-side image", "in the middle");
+  }
+}
+
 TEST(DoctorReportTest, AsksForTheTransform) {
   Camera camera;
   camera.frame_ = "unknown_camera";
@@ -556,6 +584,36 @@ TEST(SequenceLines, SayWhichImagesAreLateAndByHowMuch) {
   line = sequenceLine(Subject::kTrigger, sequence);
   EXPECT_EQ(line.level, Level::kOk) << "as cameras with a common trigger may have";
   EXPECT_NE(line.text.find("at the same time"), std::string::npos) << line.text;
+}
+
+TEST(SequenceLines, WarnOfARollingShutter) {
+  SequenceMeasurement sequence;
+  EXPECT_EQ(sequenceLine(Subject::kShutter, sequence).level, Level::kUnknown);
+  sequence.frames = 30;
+  sequence.period_s = 0.05;
+  sequence.speed_px_s = 200.0;
+  EXPECT_TRUE(contains(sequenceLine(Subject::kShutter, sequence).text, "not checked"));
+  sequence.read_out_s = 0.020;
+  sequence.read_out_sigma_s = 0.002;
+  DoctorLine line = sequenceLine(Subject::kShutter, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_TRUE(contains(line.text, "the last one 20.0 ms after the first (+- 2.0 ms")) << line.text;
+  EXPECT_TRUE(contains(line.hint, "global shutter")) << line.hint;
+  sequence.read_out_s = -0.020;
+  line = sequenceLine(Subject::kShutter, sequence);
+  EXPECT_TRUE(contains(line.text, "the first one 20.0 ms after the last")) << line.text;
+  sequence.read_out_sigma_s = 0.010;
+  line = sequenceLine(Subject::kShutter, sequence);
+  EXPECT_EQ(line.level, Level::kOk) << "not certain";
+  EXPECT_TRUE(contains(line.text, "not checked")) << line.text;
+  sequence.read_out_s = 0.004;
+  sequence.read_out_sigma_s = 0.0002;
+  line = sequenceLine(Subject::kShutter, sequence);
+  EXPECT_EQ(line.level, Level::kOk) << "less than a tenth of the period";
+  EXPECT_TRUE(contains(line.text, "at the same time, within 4.6 ms")) << line.text;
+  sequence.read_out_s = 0.020;
+  sequence.speed_px_s = 10.0;
+  EXPECT_EQ(sequenceLine(Subject::kShutter, sequence).level, Level::kOk) << "it does no harm";
 }
 
 TEST(SequenceLines, WarnOfAPatternAllOverTheImage) {

@@ -1,5 +1,5 @@
 /// What consecutive pairs tell of their cameras: the built-in world with a right camera that is
-/// late, and with a projector's pattern that rests in the image.
+/// late, with a rolling shutter, and with a projector's pattern that rests in the image.
 
 #include "matching/sequence_check.h"
 
@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "dataset/dataset.h"
+#include "matching/rolling_shutter.h"
 #include "point_line_odometry/rectification.h"
 #include "world/synthetic_world.h"
 
@@ -89,6 +90,66 @@ TEST(SequenceCheck, MeasuresTheDelayOfADrive) {
 TEST(SequenceCheck, MeasuresTheDelayAlongPlainWalls) {
   expectDelay("corridor", 0.0, 1.5);
   expectDelay("corridor", 5.0, 1.5);
+}
+
+SequenceMeasurement measureShutter(const SyntheticWorldOptions& options) {
+  const SyntheticWorld world(options);
+  const StereoCamera camera = rectifiedCamera(world.calibration());
+  std::optional<StereoRectifier> rectifier;
+  if (world.needsRectification()) rectifier.emplace(world.calibration());
+  SequenceCheck check(camera);
+  constexpr int kFirst = 60;
+  for (int i = kFirst; i < kFirst + kFrames; ++i) {
+    const StereoImages images = world.render(i);
+    check.add(rectifier ? rectifier->rectify(images) : images);
+  }
+  const SequenceMeasurement measurement = check.measurement();
+  std::cout << options.scene << ", read-out of " << options.rolling_shutter_ms
+            << " ms: " << 1e3 * measurement.read_out_s.value_or(NAN) << " +- "
+            << 1e3 * measurement.read_out_sigma_s << " ms\n";
+  return measurement;
+}
+
+/// A camera that is held by hand, or on a rough road.
+void expectReadOut(const std::string& scene, double read_out_ms, double tolerance_ms) {
+  SyntheticWorldOptions options;
+  options.scene = scene;
+  options.rotation = 4.0;
+  options.rolling_shutter_ms = read_out_ms;
+  const SequenceMeasurement measurement = measureShutter(options);
+  ASSERT_TRUE(measurement.read_out_s);
+  EXPECT_NEAR(1e3 * *measurement.read_out_s, read_out_ms, tolerance_ms);
+  EXPECT_LT(1e3 * measurement.read_out_sigma_s, tolerance_ms);
+  EXPECT_EQ(measurement.hasRollingShutter(), read_out_ms != 0.0);
+  EXPECT_FALSE(measurement.notSimultaneous());
+  EXPECT_FALSE(measurement.hasRestingPattern());
+}
+
+TEST(SequenceCheck, MeasuresTheReadOutOfARollingShutter) {
+  expectReadOut("indoor", 0.0, 5.0);
+  expectReadOut("indoor", 20.0, 5.0);
+  expectReadOut("indoor", -30.0, 6.0);
+  expectReadOut("corridor", 0.0, 6.0);
+  expectReadOut("corridor", 30.0, 10.0);
+}
+
+TEST(SequenceCheck, FindsNoRollingShutterInTheScenesThemselves) {
+  for (const char* scene : {"street", "indoor", "corridor"}) {
+    SyntheticWorldOptions options;
+    options.scene = scene;
+    EXPECT_FALSE(measureShutter(options).hasRollingShutter()) << scene;
+  }
+}
+
+TEST(SequenceCheck, LooksForNoRollingShutterWithoutACameraOrMotion) {
+  SyntheticWorldOptions options;
+  options.scene = "indoor";
+  options.rolling_shutter_ms = 20.0;
+  options.speed = 0.0;
+  options.rotation = 0.0;
+  EXPECT_FALSE(measureShutter(options).hasRollingShutter());
+  EXPECT_FALSE(measure("indoor", 0.0).read_out_s);
+  EXPECT_FALSE(measureReadOut({}, rectifiedCamera(SyntheticWorld(options).calibration())));
 }
 
 TEST(SequenceCheck, SaysNothingOfACameraThatStands) {
@@ -208,7 +269,7 @@ TEST(SequenceCheck, FindsNothingOnRealSequences) {
     const StereoDataset dataset = StereoDataset::open(entry.path().string());
     std::optional<StereoRectifier> rectifier;
     if (dataset.needsRectification()) rectifier.emplace(dataset.calibration());
-    SequenceCheck check;
+    SequenceCheck check(rectifiedCamera(dataset.calibration()));
     for (std::size_t i = 0; i < std::min<std::size_t>(dataset.size(), 2 * kFrames); ++i) {
       const StereoImages images = dataset.load(i);
       check.add(rectifier ? rectifier->rectify(images) : images);
@@ -217,7 +278,10 @@ TEST(SequenceCheck, FindsNothingOnRealSequences) {
     std::cout << entry.path().filename() << ": " << 1e3 * measurement.delay_s.value_or(NAN)
               << " +- " << 1e3 * measurement.delay_sigma_s << " ms; " << measurement.resting
               << " of " << measurement.compared << " rest\n";
+    std::cout << "  read-out " << 1e3 * measurement.read_out_s.value_or(NAN) << " +- "
+              << 1e3 * measurement.read_out_sigma_s << " ms\n";
     EXPECT_FALSE(measurement.notSimultaneous());
+    EXPECT_FALSE(measurement.hasRollingShutter());
     EXPECT_FALSE(measurement.hasRestingPattern());
     ++count;
   }

@@ -251,6 +251,37 @@ TEST(SyntheticWorld, MotionBlurSmearsAlongTheMotion) {
   EXPECT_NEAR(cv::mean(blurred)[0], cv::mean(sharp)[0], 4.0);
 }
 
+/// Row y is that of an image which a global shutter takes (y / height - 1/2) read-outs later.
+TEST(SyntheticWorld, RowsOfARollingShutterAreExposedOneAfterTheOther) {
+  for (const char* scene : {"indoor", "street"}) {
+    SyntheticWorldOptions options = quiet(scene);
+    options.rotation = 5.0;
+    options.frame_rate_hz = 100.0;
+    options.lens_blur_px = 0.0;
+    options.vignetting = 0.0;
+    const SyntheticWorld global(options);
+    options.rolling_shutter_ms = 40.0;
+    const SyntheticWorld rolling(options);
+    constexpr int kFrame = 60;
+    const StereoImages images = rolling.render(kFrame);
+    EXPECT_EQ(images.stamp_ns, global.pose(kFrame).stamp_ns);
+    const int height = images.left.rows;
+    const auto difference = [&](int quarter, int ticks) {
+      const StereoImages then = global.render(kFrame + ticks);
+      const cv::Range rows(height * quarter / 4 - 2, height * quarter / 4 + 2);
+      return cv::norm(images.left.rowRange(rows), then.left.rowRange(rows), cv::NORM_L1) +
+             cv::norm(images.right.rowRange(rows), then.right.rowRange(rows), cv::NORM_L1);
+    };
+    for (int quarter = 1; quarter < 4; ++quarter) {  // 10 ms, a tick, apart
+      const double there = difference(quarter, quarter - 2);
+      EXPECT_LT(there, 0.5 * difference(quarter, quarter - 3)) << scene << ' ' << quarter;
+      EXPECT_LT(there, 0.5 * difference(quarter, quarter - 1)) << scene << ' ' << quarter;
+    }
+    const StereoImages again = SyntheticWorld(options).render(kFrame);
+    EXPECT_EQ(cv::norm(images.left, again.left, cv::NORM_INF), 0.0);
+  }
+}
+
 TEST(SyntheticWorld, AllWrongOptionsAreNamed) {
   SyntheticWorldOptions options;
   options.scene = "moon";

@@ -14,7 +14,7 @@ import unittest
 import genpy
 import rosbag
 
-from ros_fixture import local_host, wait_until
+from ros_fixture import REPOSITORY, local_host, wait_until
 from tool_fixture import data_folder, find_program, run
 
 LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_info|"
@@ -22,7 +22,7 @@ LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_in
 SUBJECTS_OF_NODE = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
                     "images", "calibration", "baseline", "rectification", "disparity", "tf",
                     "speed", "clock"]
-SUBJECTS = SUBJECTS_OF_NODE[:-3] + ["trigger", "projector"] + SUBJECTS_OF_NODE[-3:]
+SUBJECTS = SUBJECTS_OF_NODE[:-3] + ["trigger", "shutter", "projector"] + SUBJECTS_OF_NODE[-3:]
 SUBJECTS_WITH_IMU = SUBJECTS[:-2] + ["imu"] + SUBJECTS[-2:]
 LIVE_S = 60.0
 
@@ -316,6 +316,18 @@ class SequenceBagTest(unittest.TestCase, ReportChecks):
         self.assertEqual(lines["projector"][0], "ok")
         self.assertEqual(result.returncode, 1)
 
+    def test_rolling_shutter(self):
+        bag = self.make_bag("synthetic:indoor,rotation=4,frames=60,rolling_shutter_ms=25")
+        lines = parse(run("doctor", bag).stdout)
+        level, text = lines["shutter"]
+        self.assertEqual(level, "WARN", text)
+        read_out_ms = float(re.search(r"the last one ([\d.]+) ms after the first", text).group(1))
+        self.assertAlmostEqual(read_out_ms, 25.0, delta=5.0)
+        self.assertIn("global shutter", text)
+        self.assertEqual(lines["trigger"][0], "ok", lines["trigger"][1])
+        bag = self.make_bag("synthetic:indoor,rotation=4,frames=60")
+        self.assertEqual(parse(run("doctor", bag).stdout)["shutter"][0], "ok")
+
     def test_real_cameras_have_no_fault(self):
         for name in ("kitti_raw_0926_0001", "kitti_06_000-050", "euroc_MH_01_000-099",
                      "rendered_town", "rendered_lowtexture", "rendered_plaster"):
@@ -451,6 +463,75 @@ class LiveTest(unittest.TestCase, ReportChecks):
         self.assertEqual(reports[-1].status[SUBJECTS_OF_NODE.index("rectification")].level, 1,
                          reports[-1])
         self.assertIn("images are not rectified", log)
+
+
+class SideBySideTest(unittest.TestCase):
+    """A USB camera that shows both images in one, which the nodelet SideBySide cuts in two."""
+
+    # Moves the images by some columns, as a driver that begins in the middle of a row.
+    MOVE = """
+import rospy
+from sensor_msgs.msg import Image
+def move(image):
+    shift, step, data = 3 * 50, image.step, image.data
+    rows = [data[i * step:(i + 1) * step] for i in range(image.height)]
+    image.data = b"".join(row[shift:] + row[:shift] for row in rows)
+    publisher.publish(image)
+rospy.init_node("move")
+publisher = rospy.Publisher("/moved/image_raw", Image, queue_size=2)
+rospy.Subscriber("/usb_cam/image_raw", Image, move)
+rospy.spin()
+"""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
+        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+        cls.system = local_host(cls.folder)
+        cls.addClassCleanup(cls.system.close)
+        cls.system.start_roscore()
+        cls.system.start([find_program("synthetic_stereo"), "__name:=camera", "_as:=stereo_usb",
+                          "_scene:=indoor", "_wait_for_subscribers:=false", "_frame_rate_hz:=3"],
+                         "camera")
+        cls.system.start(["/usr/bin/python3", "-c", cls.MOVE], "move")
+
+    def check_cut(self, ns, image, swap):
+        """The lines on images that are cut so."""
+        files = [os.path.join(REPOSITORY, "config", "cameras", f"stereo_usb_{side}.yaml")
+                 for side in ("left", "right")]
+        cut = self.system.start(
+            ["rosrun", "nodelet", "nodelet", "standalone", "point_line_odometry/SideBySide",
+             f"__ns:={ns}", "__name:=cut", f"image_raw:={image}", f"_swap:={swap}",
+             f"_left_calibration:={files[0]}", f"_right_calibration:={files[1]}"], ns)
+        self.addCleanup(self.system.end, cut)
+        lines = {}
+
+        def measured():
+            nonlocal lines
+            result = subprocess.run(
+                [find_program("doctor"), "--ns", ns, "--rectify", "--seconds", "5"],
+                env=self.system.environment, stdout=subprocess.PIPE, universal_newlines=True,
+                timeout=LIVE_S)
+            lines = parse(result.stdout)
+            return lines.get("disparity", "?")[0] != "?"
+        self.assertTrue(wait_until(measured), self.system.log(ns))
+        return lines
+
+    def test_right_halves(self):
+        lines = self.check_cut("right_halves", "/usb_cam/image_raw", "false")
+        for subject in ("images", "rectification", "disparity"):
+            self.assertEqual(lines[subject][0], "ok", lines[subject][1])
+
+    def test_wrong_halves(self):
+        level, text = self.check_cut("wrong_halves", "/usb_cam/image_raw", "true")["disparity"]
+        self.assertEqual(level, "ERROR", text)
+        self.assertIn("left and right cameras are swapped", text)
+        self.assertIn("halves of a side-by-side image: swap:=true", text)
+
+    def test_wrong_column(self):
+        level, text = self.check_cut("wrong_column", "/moved/image_raw", "false")["images"]
+        self.assertEqual(level, "ERROR", text)
+        self.assertIn("at column 590: they are halves of a side-by-side image", text)
 
 
 class NoMasterTest(unittest.TestCase):

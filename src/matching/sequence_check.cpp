@@ -9,6 +9,7 @@
 
 #include "common/statistics.h"
 #include "matching/patch_aligner.h"
+#include "matching/rolling_shutter.h"
 #include "matching/wide_matches.h"
 
 namespace point_line_odometry {
@@ -118,6 +119,16 @@ bool SequenceMeasurement::notSimultaneous() const {
          amount_s * speed_px_s > kLeastShift_px;
 }
 
+bool SequenceMeasurement::hasRollingShutter() const {
+  constexpr double kSigmas = 5.0;
+  constexpr double kLeastShare = 0.1;  // cameras take a third of their period or more
+  constexpr double kLeastShift_px = 0.3;
+  if (!read_out_s) return false;
+  const double amount_s = std::abs(*read_out_s);
+  return amount_s > kSigmas * read_out_sigma_s && amount_s > kLeastShare * period_s &&
+         0.5 * amount_s * speed_px_s > kLeastShift_px;
+}
+
 bool SequenceMeasurement::hasRestingPattern() const {
   // Without a projector at most one of thousands rests.
   constexpr int kFewestResting = 20;
@@ -204,7 +215,7 @@ void SequenceCheck::fitField(Frame* frame) {
   constexpr double kLeastCut_px = 0.3;
   std::vector<const Point*> points;
   for (const Point& point : frame->points) {
-    if (point.matched && point.next >= 0) points.push_back(&point);
+    if (point.followed()) points.push_back(&point);
   }
   const std::vector<const Point*> all = points;
   Eigen::Matrix<double, 10, 2> field;
@@ -333,6 +344,17 @@ SequenceMeasurement SequenceCheck::measurement() const {
   if (const auto delay = combined(delayByRows(), delayByColumns())) {
     measurement.delay_s = delay->seconds;
     measurement.delay_sigma_s = std::sqrt(delay->variance);
+  }
+  std::vector<const TrackedFrame*> tracked;
+  std::vector<double> periods_s;
+  for (const Frame& frame : frames_) {
+    tracked.push_back(&frame);
+    if (frame.period_s > 0.0) periods_s.push_back(frame.period_s);
+  }
+  measurement.period_s = median(std::move(periods_s));
+  if (const auto read_out = camera_ ? measureReadOut(tracked, *camera_) : std::nullopt) {
+    measurement.read_out_s = read_out->seconds;
+    measurement.read_out_sigma_s = read_out->sigma_s;
   }
   std::vector<double> speeds;
   std::vector<int> cells(kRestingColumns * kRestingRows, 0);

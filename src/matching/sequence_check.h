@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "features/features.h"
+#include "matching/tracked_frame.h"
+#include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -20,6 +22,13 @@ struct SequenceMeasurement {
   /// with its standard deviation; nothing if no motion shows it.
   std::optional<double> delay_s;
   double delay_sigma_s = 0.0;
+
+  /// By how much later the last row is exposed than the first one, with its standard deviation;
+  /// nothing if the camera is not known, or no motion shows it.
+  std::optional<double> read_out_s;
+  double read_out_sigma_s = 0.0;
+  double period_s = 0.0;  ///< from frame to frame, median
+
   double speed_px_s = 0.0;  ///< of the points in the image, the fastest tenth apart
 
   int compared = 0;       ///< points among others of the same depth, which move
@@ -28,6 +37,10 @@ struct SequenceMeasurement {
 
   /// True if the delay is there beyond doubt and shifts points by more than their noise.
   bool notSimultaneous() const;
+
+  /// True if rows are exposed one after the other beyond doubt, over a tenth of the period or more,
+  /// and this shifts points by more than their noise.
+  bool hasRollingShutter() const;
 
   /// True if a pattern rests in the image while the scene moves: that of a projector at the camera.
   bool hasRestingPattern() const;
@@ -46,8 +59,13 @@ struct SequenceDelay {
 /// does, which is smooth over the image and the disparity d; and its disparity changes by -s times
 /// the change of vx, beside what the camera's motion does, in first order a combination of 1, d^2,
 /// d x and d y. The velocities are those of a smooth field that is fitted to all points.
+///
+/// Rolling shutter: see measureReadOut().
 class SequenceCheck {
  public:
+  /// \param camera of the pairs; without it a rolling shutter is not looked for.
+  explicit SequenceCheck(std::optional<StereoCamera> camera = std::nullopt) : camera_(camera) {}
+
   /// Takes the next pair; its points are kept. \param rectified CV_8UC1; other images, and stamps
   /// that do not increase, interrupt the sequence.
   void add(const StereoImages& rectified);
@@ -61,19 +79,9 @@ class SequenceCheck {
   static constexpr int kRestingColumns = 4;
   static constexpr int kRestingRows = 3;
 
-  struct Point {
-    Eigen::Vector2d pixel;  // left
-    bool matched = false;   // in the right image: then the next two are known
-    double disparity = 0.0;
-    double vertical_disparity = 0.0;
-    int next = -1;  // index in the next frame; then the flow is known
-    Eigen::Vector2d flow = Eigen::Vector2d::Zero();  // to there [px]
-  };
+  using Point = TrackedPoint;
 
-  struct Frame {
-    cv::Size size;
-    std::vector<Point> points;
-    double period_s = 0.0;       // to the next frame; 0: none follows
+  struct Frame : TrackedFrame {
     std::optional<Field> field;  // of the velocities until the next frame
   };
 
@@ -88,6 +96,7 @@ class SequenceCheck {
   std::optional<SequenceDelay> delayByRows() const;
   std::optional<SequenceDelay> delayByColumns() const;
 
+  std::optional<StereoCamera> camera_;
   cv::Mat last_left_;  // empty: the next frame does not follow
   std::vector<Keypoint> last_keypoints_;
   std::int64_t last_stamp_ns_ = 0;

@@ -69,6 +69,17 @@ std::optional<DoctorLine> obscuredLens(const PairMeasurement& pair) {
           "of the robot");
 }
 
+/// Halves of an image that shows both cameras side by side, cut elsewhere than between the two.
+DoctorLine wrongCut(int column) {
+  return failureLine(Subject::kImages, Level::kError,
+                     "both images have a seam from top to bottom at column " +
+                         std::to_string(column) +
+                         ": they are halves of a side-by-side image, cut at the wrong column",
+                     "set the driver to a size that has both images whole, twice as wide as one; "
+                     "the border of the "
+                     "two must be in the middle");
+}
+
 /// What is wrong with the contents of a pair, the worst first.
 std::optional<DoctorLine> pairFault(const PairMeasurement& pair) {
   constexpr double kLeastContrast = 4.0;  // more than the noise of a covered lens
@@ -103,6 +114,7 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
                            sizeText(facts.camera->width, facts.camera->height),
                        "calibrate for this resolution, or set binning and roi in camera_info");
   }
+  if (facts.seam_column) return wrongCut(*facts.seam_column);
   if (facts.pair) {
     if (const auto line = pairFault(*facts.pair)) return *line;
   }
@@ -272,7 +284,8 @@ DoctorLine evaluateDisparity(const DoctorFacts& facts) {
   if (pair.behind_infinity_share > kExchanged) {
     return failureLine(Subject::kDisparity, Level::kError,
                        text + ", " + share + ": left and right cameras are swapped",
-                       "exchange the image topics (with their camera_info) or the cameras' cables");
+                       "exchange the image topics (with their camera_info) or the cameras' cables; "
+                       "halves of a side-by-side image: swap:=true (camera.launch, SideBySide)");
   }
   if (pair.behind_infinity_share > kTooMany) {
     return failureLine(Subject::kDisparity, Level::kWarn,

@@ -8,6 +8,7 @@
 
 #include "common/input_error.h"
 #include "common/statistics.h"
+#include "matching/seam_check.h"
 #include "ros/calibration_conversion.h"
 #include "ros/conversions.h"
 #include "ros/doctor_facts.h"
@@ -102,6 +103,7 @@ void DoctorChecks::takeCalibration(const StereoMessages& messages) {
   calibration_fault_.clear();
   trend_ = PairTrend();
   sequence_.reset();
+  seam_.reset();
   try {
     calibration_ = toStereoCalibration(*left_info_, *right_info_);
     camera_ = rectifiedCamera(calibration_);
@@ -127,14 +129,21 @@ void DoctorChecks::useImages(const StereoMessages& set, const Use& use) {
 }
 
 void DoctorChecks::measure(const StereoMessages& set) {
-  useImages(set, [this](const StereoImages& images) {
+  useImages(set, [&](const StereoImages& images) {
+    noteSeam(commonSeam(toGray(*set.left), toGray(*set.right)));
     trend_.add(measurePair(images.left, images.right, images.left_mask, images.right_mask));
   });
 }
 
+/// A seam counts if it is in all pairs, in the same place.
+void DoctorChecks::noteSeam(std::optional<int> column) {
+  if (seam_) column = *seam_ == column ? column : std::nullopt;
+  seam_ = column;
+}
+
 void DoctorChecks::follow(const StereoMessages& set) {
   useImages(set, [this](const StereoImages& images) {
-    if (!sequence_) sequence_.emplace();
+    if (!sequence_) sequence_.emplace(camera_);
     sequence_->add(images);
   });
 }
@@ -181,6 +190,7 @@ DoctorFacts DoctorChecks::facts(const InputFacts& input, const tf2::BufferCore& 
   facts.calibration_fault = calibration_fault_;
   facts.mask_fault = camera_ && mask_fault_.empty() ? masks_.sizeFault(calibration_) : mask_fault_;
   facts.pair = trend_.current();
+  facts.seam_column = seam_.value_or(std::nullopt);
   facts.vertical_drift_px = trend_.verticalDrift_px();
   if (sequence_) facts.sequence = sequence_->measurement();
   if (!input.latest.left) return facts;

@@ -65,6 +65,7 @@ class DoctorChecks {
   void useImages(const StereoMessages& set, const Use& use);
   StereoImages imagesOf(const StereoMessages& set);
   void addMasks(const StereoMessages& set, StereoImages* images) const;
+  void noteSeam(std::optional<int> column);
   std::optional<Eigen::Isometry3d> findMounting(const std::string& camera_frame,
                                                 const tf2::BufferCore& tf) const;
 
@@ -79,6 +80,7 @@ class DoctorChecks {
   StaticMasks masks_;
   std::string mask_fault_;  // of a file that cannot be read
   PairTrend trend_;
+  std::optional<std::optional<int>> seam_;  // of the pairs measured so far
   std::optional<SequenceCheck> sequence_;
 };
 

@@ -53,6 +53,7 @@ struct DoctorFacts {
   std::string calibration_fault;                    ///< with a hint; empty if there is none
 
   std::optional<PairMeasurement> pair;          ///< nothing: not measured yet
+  std::optional<int> seam_column;               ///< see commonSeam(): in all pairs measured
   std::optional<double> vertical_drift_px;      ///< of row_offset_px since the start
   std::optional<SequenceMeasurement> sequence;  ///< nothing: no consecutive pairs were followed
 

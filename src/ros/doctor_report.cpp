@@ -73,6 +73,8 @@ const char* toString(DoctorSubject subject) {
       return "disparity";
     case Subject::kTrigger:
       return "trigger";
+    case Subject::kShutter:
+      return "shutter";
     case Subject::kProjector:
       return "projector";
     case Subject::kMounting:

@@ -29,6 +29,7 @@ enum class DoctorSubject {
   kRectification,
   kDisparity,
   kTrigger,
+  kShutter,
   kProjector,
   kMounting,
   kMasks,

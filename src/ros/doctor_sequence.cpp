@@ -45,6 +45,41 @@ DoctorLine checkTrigger(const SequenceMeasurement& sequence) {
   return line;
 }
 
+DoctorLine evaluateShutter(const SequenceMeasurement& sequence) {
+  constexpr double kTellsBelow = 0.2;  // of the period
+  if (sequence.frames < kFewestFrames) {
+    return unknownLine(Subject::kShutter, "not measured: too few consecutive pairs");
+  }
+  if (!sequence.read_out_s) return okLine(Subject::kShutter, "not checked: too few points move");
+  const double read_out_s = std::abs(*sequence.read_out_s);
+  if (sequence.hasRollingShutter()) {
+    return failureLine(
+        Subject::kShutter, DoctorLevel::kWarn,
+        "rolling shutter: rows are exposed one after the other, the " +
+            std::string(*sequence.read_out_s > 0.0 ? "last" : "first") + " one " +
+            milliseconds(read_out_s) + " after the " +
+            (*sequence.read_out_s > 0.0 ? "first" : "last") + " (+- " +
+            milliseconds(sequence.read_out_sigma_s) + ", from the motion in the images)",
+        "use a camera with a global shutter, or turn slowly: the odometry takes all rows as of one "
+        "instant; a higher frame rate mode often reads out faster");
+  }
+  const double within_s = read_out_s + 3.0 * sequence.read_out_sigma_s;
+  if (within_s > kTellsBelow * sequence.period_s) {
+    return okLine(Subject::kShutter, "not checked: the camera moves too evenly");
+  }
+  return okLine(Subject::kShutter,
+                "all rows are exposed at the same time, within " + milliseconds(within_s));
+}
+
+DoctorLine checkShutter(const SequenceMeasurement& sequence) {
+  DoctorLine line = evaluateShutter(sequence);
+  if (sequence.read_out_s) {
+    line.values = {{"read-out of the rows [ms]", number(1e3 * *sequence.read_out_s, 3)},
+                   {"its standard deviation [ms]", number(1e3 * sequence.read_out_sigma_s, 3)}};
+  }
+  return line;
+}
+
 DoctorLine evaluateProjector(const SequenceMeasurement& sequence) {
   constexpr int kFewestCompared = 100;
   if (sequence.frames < kFewestFrames) {
@@ -75,7 +110,7 @@ DoctorLine checkProjector(const SequenceMeasurement& sequence) {
 }  // namespace
 
 std::vector<DoctorLine> checkSequence(const SequenceMeasurement& sequence) {
-  return {checkTrigger(sequence), checkProjector(sequence)};
+  return {checkTrigger(sequence), checkShutter(sequence), checkProjector(sequence)};
 }
 
 }  // namespace point_line_odometry

@@ -8,7 +8,7 @@
 namespace point_line_odometry {
 
 /// The lines on what consecutive pairs tell: whether both cameras take their images at the same
-/// time, and whether a projector lights the scene.
+/// time and all of their rows, and whether a projector lights the scene.
 std::vector<DoctorLine> checkSequence(const SequenceMeasurement& sequence);
 
 }  // namespace point_line_odometry

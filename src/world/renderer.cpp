@@ -19,13 +19,15 @@ struct SkyView {
 /// Draws one view; blocks of pixels may be drawn at the same time.
 class Painter {
  public:
-  Painter(const Scene& scene, const std::vector<Instance>& movers, const View& view, cv::Mat* image)
+  /// \param area of the view that `image` shows.
+  Painter(const Scene& scene, const std::vector<Instance>& movers, const View& view,
+          const PixelBlock& area, cv::Mat* image)
       : rays_(*view.rays),
         sky_{view.T_world_camera.linear().cast<float>(), scene.seed,
              static_cast<float>(scene.clouds)},
         haze_per_m_(static_cast<float>(1.0 / scene.haze_m)),
-        visible_(
-            findVisibleSurfaces(scene, movers, view.T_world_camera, rays_.bounds(rays_.all()))),
+        visible_(findVisibleSurfaces(scene, movers, view.T_world_camera, rays_.bounds(area))),
+        first_row_(area.y),
         image_(image) {}
 
   void paint(const PixelBlock& block) const {
@@ -124,7 +126,7 @@ class Painter {
 
   void paintSky(const PixelBlock& block) const {
     for (int y = block.y; y < block.y + block.height; ++y) {
-      float* row = image_->ptr<float>(y);
+      float* row = image_->ptr<float>(y - first_row_);
       for (int x = block.x; x < block.x + block.width; ++x) {
         row[x] = sky(inPixel(x, y, 0.5F, 0.5F));
       }
@@ -138,7 +140,7 @@ class Painter {
 
   void paintSurface(const PixelBlock& block, const SeenSurface& surface) const {
     for (int y = block.y; y < block.y + block.height; ++y) {
-      float* row = image_->ptr<float>(y);
+      float* row = image_->ptr<float>(y - first_row_);
       for (int x = block.x; x < block.x + block.width; ++x) {
         row[x] = shade(surface, x, y, inPixel(x, y, 0.5F, 0.5F));
       }
@@ -202,7 +204,7 @@ class Painter {
           index < 0 ? sky(middle) : shade(surface(index), pixel.x, pixel.y, middle);
       sum += radiance * static_cast<float>(count);
     }
-    image_->at<float>(pixel.y, pixel.x) = sum / kRays;
+    image_->at<float>(pixel.y - first_row_, pixel.x) = sum / kRays;
   }
 
   static bool inside(const SeenSurface& surface, const cv::Point2f& p) {
@@ -218,8 +220,18 @@ class Painter {
   SkyView sky_;
   float haze_per_m_;
   VisibleSurfaces visible_;
+  int first_row_;
   cv::Mat* image_;
 };
+
+PixelBlock areaOf(const View& view) {
+  PixelBlock area = view.rays->all();
+  if (view.rows != cv::Range::all()) {
+    area.y = view.rows.start;
+    area.height = view.rows.size();
+  }
+  return area;
+}
 
 }  // namespace
 
@@ -232,11 +244,11 @@ std::vector<cv::Mat> render(const Scene& scene, const std::vector<Instance>& mov
   images.reserve(views.size());
   painters.reserve(views.size());
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const PixelBlock all = views[i].rays->all();
-    images.emplace_back(all.height, all.width, CV_32FC1);
-    painters.emplace_back(scene, movers, views[i], &images.back());
-    for (int x = 0; x < all.width; x += kStripWidth) {
-      strips.push_back({i, {x, 0, std::min(kStripWidth, all.width - x), all.height}});
+    const PixelBlock area = areaOf(views[i]);
+    images.emplace_back(area.height, area.width, CV_32FC1);
+    painters.emplace_back(scene, movers, views[i], area, &images.back());
+    for (int x = 0; x < area.width; x += kStripWidth) {
+      strips.push_back({i, {x, area.y, std::min(kStripWidth, area.width - x), area.height}});
     }
   }
   cv::parallel_for_(

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/core/utility.hpp>
 #include <optional>
 #include <stdexcept>
 
@@ -184,29 +185,60 @@ struct SyntheticWorld::Impl {
            options.path.front().T_world_camera.inverse() * interpolate(options.path, time_s);
   }
 
-  /// Light that reaches both cameras at an instant.
-  std::vector<cv::Mat> lightAt(double time_s) const {
+  /// Light of the scene that reaches some rows of both cameras at an instant.
+  std::vector<cv::Mat> sceneLight(double time_s, const cv::Range& rows) const {
     const Eigen::Isometry3d T_left = T_world_left(time_s);
-    std::vector<cv::Mat> light =
-        world::render(scene, world::poseMovers(scene, time_s),
-                      {{&rays[0], T_left}, {&rays[1], T_left * T_left_right}});
+    return world::render(scene, world::poseMovers(scene, time_s),
+                         {{&rays[0], T_left, rows}, {&rays[1], T_left * T_left_right, rows}});
+  }
+
+  /// The same of all rows, one after the other and the middle one at this time: in bands so narrow
+  /// that the image hardly moves from one to the next.
+  std::vector<cv::Mat> sceneLightRowByRow(double time_s) const {
+    constexpr double kShift_px = 0.1;
+    const double read_out_s = 1e-3 * options.rolling_shutter_ms;
+    const int height = rays[0].height();
+    const int bands =
+        static_cast<int>(std::clamp(std::ceil(imageShift_px(time_s, read_out_s) / kShift_px), 1.0,
+                                    static_cast<double>(height)));
+    std::vector<cv::Mat> light;
+    for (const PixelRays& camera : rays) light.emplace_back(height, camera.width(), CV_32FC1);
+    cv::parallel_for_(cv::Range(0, bands), [&](const cv::Range& range) {
+      for (int i = range.start; i < range.end; ++i) {
+        const cv::Range rows(height * i / bands, height * (i + 1) / bands);
+        const double share = 0.5 * (rows.start + rows.end) / height - 0.5;
+        const std::vector<cv::Mat> band = sceneLight(time_s + share * read_out_s, rows);
+        for (std::size_t k = 0; k < band.size(); ++k) band[k].copyTo(light[k].rowRange(rows));
+      }
+    });
+    return light;
+  }
+
+  /// Light that reaches both cameras at an instant, or with a rolling shutter around it.
+  std::vector<cv::Mat> lightAt(double time_s) const {
+    std::vector<cv::Mat> light = options.rolling_shutter_ms == 0.0
+                                     ? sceneLight(time_s, cv::Range::all())
+                                     : sceneLightRowByRow(time_s);
+    const Eigen::Matrix3d R_world_left = T_world_left(time_s).linear();
     for (std::size_t i = 0; bonnet && i < light.size(); ++i) {
-      bonnet->paint(i, T_left.linear(), {scene.seed, static_cast<float>(scene.clouds)}, &light[i]);
+      bonnet->paint(i, R_world_left, {scene.seed, static_cast<float>(scene.clouds)}, &light[i]);
     }
     return light;
   }
 
-  /// Number of samples of the exposure time: about one for each pixel that the image of an object
-  /// at a typical distance moves.
-  int blurSteps(double time_s, double shutter_s) const {
+  /// By how much the image of an object at a typical distance moves in a time around an instant.
+  double imageShift_px(double time_s, double duration_s) const {
     constexpr double kDistance_m = 4.0;
     const Eigen::Isometry3d motion =
-        T_world_left(time_s - 0.5 * shutter_s).inverse() * T_world_left(time_s + 0.5 * shutter_s);
+        T_world_left(time_s - 0.5 * duration_s).inverse() * T_world_left(time_s + 0.5 * duration_s);
     const double angle = Eigen::AngleAxisd(motion.linear()).angle();
-    const double shift_px =
-        calibration.left.K(0, 0) * (angle + motion.translation().norm() / kDistance_m);
-    return static_cast<int>(
-        std::clamp(std::ceil(shift_px), 1.0, static_cast<double>(exposure.instants)));
+    return calibration.left.K(0, 0) * (angle + motion.translation().norm() / kDistance_m);
+  }
+
+  /// Number of samples of the exposure time: about one for each pixel of such a shift.
+  int blurSteps(double time_s, double shutter_s) const {
+    return static_cast<int>(std::clamp(std::ceil(imageShift_px(time_s, shutter_s)), 1.0,
+                                       static_cast<double>(exposure.instants)));
   }
 
   SyntheticWorldOptions options;

@@ -29,6 +29,7 @@ struct SyntheticWorldOptions {
   double bonnet = 0.0;
   double exposure_ev = 0.0;
   double motion_blur_ms = -1.0;
+  double rolling_shutter_ms = 0.0;
   double lens_blur_px = 0.5;
   double vignetting = 0.2;
   double noise = -1.0;
@@ -73,6 +74,10 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
   visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
   visit("motion_blur_ms", o.motion_blur_ms, -1.0, 100.0, "ms",
         "exposure time; negative: the scene's own, 15 for plaster, else 0");
+  visit(
+      "rolling_shutter_ms", o.rolling_shutter_ms, -100.0, 100.0, "ms",
+      "read-out time of a rolling shutter: rows are exposed one after the other, the middle one at "
+      "the stamp; negative: from the last row up; 0: all at once (global shutter)");
   visit("lens_blur_px", o.lens_blur_px, 0.0, 5.0, "px", "standard deviation of the lens's blur");
   visit("vignetting", o.vignetting, 0.0, 1.0, "", "share of light lost in the corners");
   visit("noise", o.noise, -1.0, 50.0, "grey levels",
@@ -111,7 +116,8 @@ class SyntheticWorld {
   double frameRate_hz() const;
 
   /// Stamp of a frame and the exact pose of the left camera (the raw one for raw images) relative
-  /// to frame 0. Frame 0 has stamp 0; frames never end.
+  /// to frame 0; with a rolling shutter that of the middle row. Frame 0 has stamp 0; frames never
+  /// end.
   StampedPose pose(std::size_t frame) const;
 
   /// Number of frames until the camera has travelled `length_m` metres, at least 2.

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "matching/tracked_frame.h"
+#include "point_line_odometry/stereo_camera.h"
+
+namespace point_line_odometry {
+
+/// The time from the exposure of the first row to that of the last one; negative if the last one
+/// comes first.
+struct ReadOut {
+  double seconds = 0.0;
+  double sigma_s = 0.0;  ///< standard deviation
+};
+
+/// Measures the read-out time of a rolling shutter, which is the same in both cameras, from the
+/// flow of points; that of a global shutter is 0. Nothing if too few points were followed through
+/// too few frames.
+///
+/// A point in row y of H is seen (y / H - 1/2) read-outs after the middle row, so the camera has
+/// moved on by its velocity times that. Between two frames a rigid motion of the camera explains
+/// the flow, but for what the velocities at both of them, from the motions before and after, add to
+/// each row: a residual that grows with the row's distance from the middle and the change of the
+/// velocity, and with the vertical flow times the velocity. A wrong calibration adds residuals,
+/// too, which are those of a smooth displacement of the image and of the disparity, the same in all
+/// frames; these, and a motion of its own for each frame, are eliminated (Frisch and Waugh 1933).
+///
+/// \param frames in their order. \param camera of their rectified images.
+std::optional<ReadOut> measureReadOut(const std::vector<const TrackedFrame*>& frames,
+                                      const StereoCamera& camera);
+
+}  // namespace point_line_odometry
