@@ -3,148 +3,21 @@
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <utility>
 
-#include "common/statistics.h"
-#include "geometry/se3.h"
+#include "matching/rigid_flow.h"
 
 namespace point_line_odometry {
 namespace {
-
-constexpr double kMadToSigma = 1.4826;
-constexpr double kSigmas = 3.0;  // more are outliers
-constexpr std::size_t kFewestPoints = 40;
-
-using Matrix26d = Eigen::Matrix<double, 2, 6>;
 
 /// A displacement of the image is a polynomial of degree 3 in its coordinates; a change of the
 /// disparity, one of degree 2.
 constexpr int kCubic = 10;
 constexpr int kQuadratic = 6;
 constexpr int kCalibration = 2 * kCubic + kQuadratic;
-
-/// How the coordinates of a point (X, Y, Z, 1 / depth) of a static scene change while a camera
-/// moves: dp/dt = velocity / depth + rotation x p.
-struct Twist {
-  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // [baselines / s]
-  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // [rad / s]
-
-  Eigen::Vector3d at(const Eigen::Vector3d& p, double inverse_depth) const {
-    return inverse_depth * velocity + rotation.cross(p);
-  }
-};
-
-Twist mean(const Twist& a, const Twist& b) {
-  return {0.5 * (a.velocity + b.velocity), 0.5 * (a.rotation + b.rotation)};
-}
-
-/// A point in a frame and the next one.
-struct Flow {
-  Eigen::Vector3d ray;         // (X, Y, 1) in the first one
-  double inverse_depth = 0.0;  // [1 / baselines]
-  Eigen::Vector2d from_px;
-  Eigen::Vector2d to_px;
-};
-
-/// From a frame to the next one; translation in baselines.
-struct FrameMotion {
-  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d t = Eigen::Vector3d::Zero();
-
-  Eigen::Vector3d apply(const Flow& flow) const { return R * flow.ray + flow.inverse_depth * t; }
-
-  Twist twist(double period_s) const {
-    const Eigen::Vector3d w = logSO3(R);
-    return {leftJacobian(w).inverse() * t / period_s, w / period_s};
-  }
-};
-
-/// Two consecutive frames.
-struct Step {
-  std::vector<Flow> flows;
-  FrameMotion motion;
-  double period_s = 0.0;
-  bool known = false;  // the motion is
-};
-
-Eigen::Vector2d project(const StereoCamera& camera, const Eigen::Vector3d& p) {
-  return camera.projectLeft(p);
-}
-
-/// Jacobian of the pixel by the point.
-Eigen::Matrix<double, 2, 3> projectionJacobian(const StereoCamera& camera,
-                                               const Eigen::Vector3d& p) {
-  Eigen::Matrix<double, 2, 3> J;
-  J << camera.fx / p.z(), 0.0, -camera.fx * p.x() / (p.z() * p.z()),  //
-      0.0, camera.fy / p.z(), -camera.fy * p.y() / (p.z() * p.z());
-  return J;
-}
-
-/// Jacobian of the pixel by a small motion after the one that is known.
-Matrix26d motionJacobian(const StereoCamera& camera, const Flow& flow, const Eigen::Vector3d& p) {
-  Eigen::Matrix<double, 3, 6> by_motion;
-  by_motion << flow.inverse_depth * Eigen::Matrix3d::Identity(), -skew(p);
-  return projectionJacobian(camera, p) * by_motion;
-}
-
-std::vector<Flow> flowsOf(const TrackedFrame& frame, const StereoCamera& camera) {
-  std::vector<Flow> flows;
-  for (const TrackedPoint& point : frame.points) {
-    if (!point.followed()) continue;
-    const Eigen::Vector2d& p = point.pixel;
-    flows.push_back({{(p.x() - camera.cx) / camera.fx, (p.y() - camera.cy) / camera.fy, 1.0},
-                     point.disparity / camera.fx,
-                     p,
-                     p + point.flow});
-  }
-  return flows;
-}
-
-double cutOf(std::vector<double> deviations) {
-  return kSigmas * kMadToSigma * median(std::move(deviations));
-}
-
-/// Fits the motion to the flows and drops those that do not agree with it. Gauss and Newton.
-void fitMotion(const StereoCamera& camera, Step* step) {
-  constexpr int kRounds = 12;
-  constexpr double kLeastCut_px = 1.0;  // what a rolling shutter does is to be kept
-  constexpr double kNearest = 0.1;      // of a ray of length 1
-  FrameMotion& motion = step->motion;
-  std::vector<bool> used(step->flows.size(), true);
-  for (int round = 0; round < kRounds; ++round) {
-    Matrix6d H = Matrix6d::Zero();
-    Vector6d g = Vector6d::Zero();
-    std::vector<double> deviations;
-    for (std::size_t i = 0; i < step->flows.size(); ++i) {
-      const Flow& flow = step->flows[i];
-      const Eigen::Vector3d p = motion.apply(flow);
-      if (p.z() < kNearest) {
-        deviations.push_back(HUGE_VAL);
-        continue;
-      }
-      const Eigen::Vector2d residual = flow.to_px - project(camera, p);
-      deviations.push_back(residual.norm());
-      if (!used[i]) continue;
-      const Matrix26d J = motionJacobian(camera, flow, p);
-      H += J.transpose() * J;
-      g += J.transpose() * residual;
-    }
-    const Vector6d change = H.ldlt().solve(g);
-    if (!change.allFinite()) return;
-    const Eigen::Matrix3d R = expSO3(change.tail<3>());
-    motion = {R * motion.R, R * motion.t + change.head<3>()};
-    const double most = std::max(kLeastCut_px, cutOf(deviations));
-    for (std::size_t i = 0; i < used.size(); ++i) used[i] = deviations[i] <= most;
-  }
-  std::vector<Flow> kept;
-  for (std::size_t i = 0; i < used.size(); ++i) {
-    if (used[i]) kept.push_back(step->flows[i]);
-  }
-  step->flows = std::move(kept);
-  step->known = step->flows.size() >= kFewestPoints;
-}
 
 /// 1, x, y, x^2, x y, y^2, x^3, ..., in half widths from the middle.
 Eigen::Matrix<double, 1, kCubic> cubic(const Eigen::Vector2d& pixel, const StereoCamera& camera) {
@@ -156,16 +29,20 @@ Eigen::Matrix<double, 1, kCubic> cubic(const Eigen::Vector2d& pixel, const Stere
   return terms;
 }
 
-/// What two consecutive frames say: two rows for each point.
+/// What two consecutive frames say: two rows for each point. Velocities are measured, too, and
+/// their noise would make the read-out too small. So they are measured twice, each time with half
+/// of the points: what one half gives is the instrument for the other one (Angrist and Krueger
+/// 1995).
 struct Equations {
-  Eigen::VectorXd y;               // residual of the rigid motion [px]
-  Eigen::VectorXd x;               // its change by a read-out of one second
+  Eigen::VectorXd y;  // residual of the rigid motion [px]
+  Eigen::VectorXd x;  // its change by a read-out of one second, with the half of its points
+  Eigen::VectorXd instrument;      // ... with the motions of the other half
   Eigen::MatrixXd motion;          // ... by six parameters of the motion
   Eigen::MatrixXd calibration;     // ... by the calibration's
   std::vector<std::size_t> cells;  // of the image, one for each point
 
   explicit Equations(Eigen::Index rows)
-      : y(rows), x(rows), motion(rows, 6), calibration(rows, kCalibration) {}
+      : y(rows), x(rows), instrument(rows), motion(rows, 6), calibration(rows, kCalibration) {}
 };
 
 /// Residuals of the image by the displacement of both pixels and the change of the disparity.
@@ -199,7 +76,13 @@ std::size_t cellOf(const Eigen::Vector2d& pixel, const StereoCamera& camera) {
                                   std::clamp(column, 0, kColumns - 1));
 }
 
-Equations equationsOf(const Step& step, const Twist& first, const Twist& second,
+/// The velocities at both frames of a step, from each half of the points.
+struct Velocities {
+  std::array<Twist, 2> first;
+  std::array<Twist, 2> second;
+};
+
+Equations equationsOf(const FlowStep& step, const Velocities& velocities,
                       const StereoCamera& camera) {
   Equations equations(2 * static_cast<Eigen::Index>(step.flows.size()));
   const auto share = [&](const Eigen::Vector2d& pixel) {
@@ -208,11 +91,15 @@ Equations equationsOf(const Step& step, const Twist& first, const Twist& second,
   Eigen::Index row = 0;
   for (const Flow& flow : step.flows) {
     const Eigen::Vector3d p = step.motion.apply(flow);
-    const Eigen::Vector3d before =
-        share(flow.from_px) * (step.motion.R * first.at(flow.ray, flow.inverse_depth));
-    const Eigen::Vector3d after = share(flow.to_px) * second.at(p, flow.inverse_depth);
-    equations.y.segment<2>(row) = flow.to_px - project(camera, p);
-    equations.x.segment<2>(row) = projectionJacobian(camera, p) * (after - before);
+    const auto byReadOut = [&](std::size_t half) -> Eigen::Vector2d {
+      const Eigen::Vector3d before = velocities.first[half].at(flow.ray, flow.inverse_depth);
+      const Eigen::Vector3d after = velocities.second[half].at(p, flow.inverse_depth);
+      return projectionJacobian(camera, p) *
+             (share(flow.to_px) * after - share(flow.from_px) * (step.motion.R * before));
+    };
+    equations.y.segment<2>(row) = flow.to_px - camera.projectLeft(p);
+    equations.x.segment<2>(row) = byReadOut(flow.half);
+    equations.instrument.segment<2>(row) = byReadOut(1 - flow.half);
     equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, p);
     equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step.motion, flow, p);
     equations.cells.push_back(cellOf(flow.from_px, camera));
@@ -229,6 +116,7 @@ void eliminateMotion(Equations* equations) {
   };
   eliminate(&equations->y);
   eliminate(&equations->x);
+  eliminate(&equations->instrument);
   eliminate(&equations->calibration);
 }
 
@@ -238,11 +126,11 @@ void eliminateCalibration(std::vector<Equations>* all) {
   Eigen::Index rows = 0;
   for (const Equations& e : *all) rows += e.y.size();
   Eigen::MatrixXd terms(rows, kCalibration);
-  Eigen::MatrixX2d values(rows, 2);
+  Eigen::MatrixX3d values(rows, 3);
   Eigen::Index at = 0;
   for (const Equations& e : *all) {
     terms.middleRows(at, e.y.size()) = e.calibration;
-    values.middleRows(at, e.y.size()) << e.y, e.x;
+    values.middleRows(at, e.y.size()) << e.y, e.x, e.instrument;
     at += e.y.size();
   }
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
@@ -253,6 +141,7 @@ void eliminateCalibration(std::vector<Equations>* all) {
   for (Equations& e : *all) {
     e.y = values.col(0).segment(at, e.y.size());
     e.x = values.col(1).segment(at, e.y.size());
+    e.instrument = values.col(2).segment(at, e.y.size());
     at += e.y.size();
   }
 }
@@ -265,8 +154,8 @@ std::optional<ReadOut> commonReadOut(const std::vector<Equations>& all) {
   double xx = 0.0;
   double xy = 0.0;
   for (const Equations& e : all) {
-    xx += e.x.squaredNorm();
-    xy += e.x.dot(e.y);
+    xx += e.instrument.dot(e.x);
+    xy += e.instrument.dot(e.y);
   }
   if (xx <= 0.0) return std::nullopt;
   ReadOut read_out;
@@ -278,7 +167,7 @@ std::optional<ReadOut> commonReadOut(const std::vector<Equations>& all) {
     const Eigen::VectorXd residual = all[k].y - read_out.seconds * all[k].x;
     for (std::size_t i = 0; i < all[k].cells.size(); ++i) {
       const auto row = static_cast<Eigen::Index>(2 * i);
-      const double score = all[k].x.segment<2>(row).dot(residual.segment<2>(row));
+      const double score = all[k].instrument.segment<2>(row).dot(residual.segment<2>(row));
       of_frames[static_cast<Eigen::Index>(k / kFrames)] += score;
       of_cells[static_cast<Eigen::Index>(all[k].cells[i])] += score;
     }
@@ -288,14 +177,15 @@ std::optional<ReadOut> commonReadOut(const std::vector<Equations>& all) {
 }
 
 /// Drops the points that the read-out leaves far from their places.
-void dropOutliers(const std::vector<Equations>& all, double read_out_s, std::vector<Step*>* steps) {
+void dropOutliers(const std::vector<Equations>& all, double read_out_s,
+                  std::vector<FlowStep*>* steps) {
   for (std::size_t k = 0; k < all.size(); ++k) {
     const Eigen::VectorXd residual = all[k].y - read_out_s * all[k].x;
     std::vector<double> deviations;
     for (Eigen::Index i = 0; i < residual.size(); i += 2) {
       deviations.push_back(residual.segment<2>(i).norm());
     }
-    const double most = cutOf(deviations);
+    const double most = outlierCut(deviations);
     std::vector<Flow> kept;
     for (std::size_t i = 0; i < deviations.size(); ++i) {
       if (deviations[i] <= most) kept.push_back((*steps)[k]->flows[i]);
@@ -304,36 +194,56 @@ void dropOutliers(const std::vector<Equations>& all, double read_out_s, std::vec
   }
 }
 
+/// The velocity at the beginning of a step, from the mean ones of the steps around it: exact for a
+/// cubic if there are four of the same duration, else for a quadratic.
+Twist velocityAt(const std::vector<FlowStep>& steps, std::size_t k, std::size_t half) {
+  constexpr double kInner = 7.0 / 12.0;
+  constexpr double kOuter = -1.0 / 12.0;
+  constexpr double kMostChange = 0.1;  // of the period
+  const auto sum = [&](std::size_t a, std::size_t b, double weight) {
+    const Twist first = steps[a].of_halves[half].twist(steps[a].period_s);
+    const Twist second = steps[b].of_halves[half].twist(steps[b].period_s);
+    return Twist{weight * (first.velocity + second.velocity),
+                 weight * (first.rotation + second.rotation)};
+  };
+  bool four = k >= 2 && k + 1 < steps.size();
+  for (std::size_t i = k - 2; four && i <= k + 1; ++i) {
+    four = steps[i].known &&
+           std::abs(steps[i].period_s - steps[k].period_s) < kMostChange * steps[k].period_s;
+  }
+  if (!four) return sum(k - 1, k, 0.5);
+  const Twist inner = sum(k - 1, k, kInner);
+  const Twist outer = sum(k - 2, k + 1, kOuter);
+  return {inner.velocity + outer.velocity, inner.rotation + outer.rotation};
+}
+
 /// A step with the motions before and after it.
-bool isBetween(const std::vector<Step>& steps, std::size_t i) {
+bool isBetween(const std::vector<FlowStep>& steps, std::size_t i) {
   return i > 0 && i + 1 < steps.size() && steps[i - 1].known && steps[i].known &&
-         steps[i + 1].known && steps[i].flows.size() >= kFewestPoints / 2;
+         steps[i + 1].known && steps[i].flows.size() >= FlowStep::kFewestPoints / 2;
 }
 
 }  // namespace
 
-std::optional<ReadOut> measureReadOut(const std::vector<const TrackedFrame*>& frames,
+std::optional<ReadOut> measureReadOut(const std::vector<const FollowedFrame*>& frames,
                                       const StereoCamera& camera) {
   constexpr int kRounds = 3;
   constexpr std::size_t kFewestSteps = 6;
-  std::vector<Step> steps;
-  for (const TrackedFrame* frame : frames) {
-    Step& step = steps.emplace_back();
-    step.period_s = frame->period_s;
-    const bool usable = frame->period_s > 0.0 && frame->size.height == camera.height &&
-                        frame->size.width == camera.width;
-    if (usable) step.flows = flowsOf(*frame, camera);
-    if (step.flows.size() >= kFewestPoints) fitMotion(camera, &step);
-  }
+  std::vector<FlowStep> steps;
+  steps.reserve(frames.size());
+  for (const FollowedFrame* frame : frames) steps.push_back(fitFlowStep(*frame, camera));
   std::optional<ReadOut> read_out;
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Equations> all;
-    std::vector<Step*> used;
+    std::vector<FlowStep*> used;
     for (std::size_t i = 0; i < steps.size(); ++i) {
       if (!isBetween(steps, i)) continue;
-      const auto twist = [&](std::size_t k) { return steps[k].motion.twist(steps[k].period_s); };
-      all.push_back(equationsOf(steps[i], mean(twist(i - 1), twist(i)),
-                                mean(twist(i), twist(i + 1)), camera));
+      Velocities velocities;
+      for (std::size_t half = 0; half < 2; ++half) {
+        velocities.first[half] = velocityAt(steps, i, half);
+        velocities.second[half] = velocityAt(steps, i + 1, half);
+      }
+      all.push_back(equationsOf(steps[i], velocities, camera));
       eliminateMotion(&all.back());
       used.push_back(&steps[i]);
     }

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "matching/tracked_frame.h"
+#include "matching/followed_frame.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
@@ -28,7 +28,7 @@ struct ReadOut {
 /// frames; these, and a motion of its own for each frame, are eliminated (Frisch and Waugh 1933).
 ///
 /// \param frames in their order. \param camera of their rectified images.
-std::optional<ReadOut> measureReadOut(const std::vector<const TrackedFrame*>& frames,
+std::optional<ReadOut> measureReadOut(const std::vector<const FollowedFrame*>& frames,
                                       const StereoCamera& camera);
 
 }  // namespace point_line_odometry

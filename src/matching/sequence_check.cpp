@@ -345,7 +345,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     measurement.delay_s = delay->seconds;
     measurement.delay_sigma_s = std::sqrt(delay->variance);
   }
-  std::vector<const TrackedFrame*> tracked;
+  std::vector<const FollowedFrame*> tracked;
   std::vector<double> periods_s;
   for (const Frame& frame : frames_) {
     tracked.push_back(&frame);

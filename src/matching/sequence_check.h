@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "features/features.h"
-#include "matching/tracked_frame.h"
+#include "matching/followed_frame.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/types.h"
 
@@ -79,9 +79,9 @@ class SequenceCheck {
   static constexpr int kRestingColumns = 4;
   static constexpr int kRestingRows = 3;
 
-  using Point = TrackedPoint;
+  using Point = FollowedPoint;
 
-  struct Frame : TrackedFrame {
+  struct Frame : FollowedFrame {
     std::optional<Field> field;  // of the velocities until the next frame
   };
 

@@ -7,7 +7,7 @@
 namespace point_line_odometry {
 
 /// A point of a rectified left image.
-struct TrackedPoint {
+struct FollowedPoint {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   bool matched = false;  ///< in the right image: then the next two are known
   double disparity = 0.0;
@@ -19,9 +19,9 @@ struct TrackedPoint {
 };
 
 /// The points of a pair, as followed to the next one.
-struct TrackedFrame {
+struct FollowedFrame {
   cv::Size size;
-  std::vector<TrackedPoint> points;
+  std::vector<FollowedPoint> points;
   double period_s = 0.0;  ///< to the next frame; 0: none follows
 };
 
