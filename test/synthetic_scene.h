@@ -1,8 +1,8 @@
 #pragma once
 
 /// \file
-/// Seeded synthetic data with known ground truth, shared by the tests of several stages: cameras and
-/// motions, matches of points and lines with noise, and rendered images of a tiled room.
+/// Seeded synthetic data with known ground truth, shared by the tests of several stages: cameras
+/// and motions, matches of points and lines with noise, and rendered images of a tiled room.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
