@@ -5,10 +5,15 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
+#include <stdexcept>
 #include <string>
+#include <vector>
+
+#include "geometry/raw_pixels.h"
 
 namespace point_line_odometry {
 namespace {
@@ -292,6 +297,50 @@ TEST(StereoRectifierTest, MovesAPatchOfAFisheyeImageToItsProjection) {
     expectAt(rectifyPixel(calibration.left, p_left), rectified.left);
     expectAt(rectifyPixel(calibration.right, p_right), rectified.right);
   }
+}
+
+TEST(RawPixels, AreThoseThatRectifiedOnesComeFrom) {
+  for (const char* model : {"plumb_bob", "rational_polynomial", "equidistant"}) {
+    CameraCalibration camera = makeCamera();
+    camera.distortion_model = model;
+    camera.D = {-0.03, 0.01, -0.006, 0.001};
+    if (camera.distortion_model == "rational_polynomial") camera.D.resize(8, 0.0);
+    const StereoCalibration calibration = rectifyCalibration({camera, camera}, makeTurnedPose());
+    for (const CameraCalibration& side : {calibration.left, calibration.right}) {
+      Eigen::Matrix2Xd rectified(2, 3);
+      rectified << 320.0, 20.0, 600.0, 240.0, 10.0, 470.0;
+      const Eigen::Matrix2Xd raw = rawPixels(side, rectified);
+      cv::Matx33d K;
+      cv::eigen2cv(side.K, K);
+      cv::Matx33d R;
+      cv::eigen2cv(side.R, R);
+      cv::Matx34d P;
+      cv::eigen2cv(side.P, P);
+      for (Eigen::Index i = 0; i < raw.cols(); ++i) {
+        const std::vector<cv::Point2d> pixel{{raw(0, i), raw(1, i)}};
+        std::vector<cv::Point2d> back;
+        if (camera.distortion_model == "equidistant") {
+          cv::fisheye::undistortPoints(pixel, back, K, side.D, R, P);
+        } else {
+          cv::undistortPoints(pixel, back, K, side.D, R, P,
+                              {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-12});
+        }
+        EXPECT_NEAR(back[0].x, rectified(0, i), 1e-4) << model;
+        EXPECT_NEAR(back[0].y, rectified(1, i), 1e-4) << model;
+      }
+    }
+  }
+}
+
+TEST(RawPixels, AreTheSameWithoutDistortionAndRotation) {
+  const CameraCalibration camera = makeRectifiedPair().left;
+  const Eigen::Matrix2Xd pixels = (Eigen::Matrix2Xd(2, 2) << 3.0, 630.5, 7.25, 470.0).finished();
+  EXPECT_LT((rawPixels(camera, pixels) - pixels).norm(), 1e-9);
+  EXPECT_EQ(rawPixels(camera, Eigen::Matrix2Xd(2, 0)).cols(), 0);
+  EXPECT_THROW(rawPixels(makeCamera(), pixels), std::invalid_argument) << "without P";
+  CameraCalibration unknown = camera;
+  unknown.distortion_model = "mei";
+  EXPECT_THROW(rawPixels(unknown, pixels), std::invalid_argument);
 }
 
 TEST(StereoRectifierTest, IsDeterministic) {

@@ -1,12 +1,17 @@
 #include "point_line_odometry/rectification.h"
 
+#include <Eigen/LU>
 #include <cmath>
+#include <cstddef>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
 #include <stdexcept>
+#include <vector>
+
+#include "geometry/raw_pixels.h"
 
 namespace point_line_odometry {
 namespace {
@@ -212,6 +217,33 @@ StereoRectifier::StereoRectifier(const StereoCalibration& calibration)
       cv::initUndistortRectifyMap(raw.K, raw.D, R, P, size, CV_16SC2, maps_[i].xy, maps_[i].weight);
     }
   }
+}
+
+Eigen::Matrix2Xd rawPixels(const CameraCalibration& camera, const Eigen::Matrix2Xd& rectified) {
+  const OpenCvCamera raw = toOpenCv(camera, "raw");
+  requireRotation(camera, "raw");
+  requireProjection(camera, "raw");
+  Eigen::Matrix2Xd pixels(2, rectified.cols());
+  if (rectified.cols() == 0) return pixels;
+  const Eigen::Matrix3d rays = camera.R.transpose() * camera.P.leftCols<3>().inverse();
+  std::vector<cv::Point3d> points;
+  points.reserve(static_cast<std::size_t>(rectified.cols()));
+  for (Eigen::Index i = 0; i < rectified.cols(); ++i) {
+    const Eigen::Vector3d ray = rays * rectified.col(i).homogeneous();
+    points.emplace_back(ray.x(), ray.y(), ray.z());
+  }
+  std::vector<cv::Point2d> projected;
+  const cv::Vec3d none(0.0, 0.0, 0.0);
+  if (raw.fisheye) {
+    cv::fisheye::projectPoints(points, projected, none, none, raw.K, raw.D);
+  } else {
+    cv::projectPoints(points, none, none, raw.K, raw.D, projected);
+  }
+  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
+    const cv::Point2d& pixel = projected[static_cast<std::size_t>(i)];
+    pixels.col(i) << pixel.x, pixel.y;
+  }
+  return pixels;
 }
 
 /// A pixel is 0 if it is interpolated from one that is.

@@ -1,75 +1,71 @@
 #pragma once
 
 /// \file
-/// The flow of points of a static scene between two frames, as a rigid motion of the camera gives
-/// it. Lengths are in baselines.
+/// The flow of points of a static scene between two frames, as a rigid motion of a camera gives it
+/// whose rows are exposed one after the other. Lengths are in baselines.
 
 #include <Eigen/Core>
-#include <array>
-#include <cstddef>
 #include <vector>
 
-#include "matching/followed_frame.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
 
-using Matrix26d = Eigen::Matrix<double, 2, 6>;
-
-/// How the coordinates of a point (X, Y, Z, 1 / depth) of a static scene change while a camera
-/// moves: dp/dt = velocity / depth + rotation x p.
+/// How the homogeneous coordinates (X, Y, Z, W) of a static point change while a camera moves:
+/// d(X, Y, Z)/dt = W velocity + rotation x (X, Y, Z).
 struct Twist {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // [baselines / s]
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  // [rad / s]
 
-  Eigen::Vector3d at(const Eigen::Vector3d& p, double inverse_depth) const {
-    return inverse_depth * velocity + rotation.cross(p);
+  Eigen::Vector3d at(const Eigen::Vector3d& xyz, double w) const {
+    return w * velocity + rotation.cross(xyz);
   }
 };
 
-/// A point in a frame and the next one.
+/// A point in a frame and the next one. Rows are those of the raw image, from -0.5 (the first) to
+/// 0.5 (the last): the time of a row after the middle one is this share of the read-out.
 struct Flow {
-  Eigen::Vector3d ray;         // (X, Y, 1) in the first one
-  double inverse_depth = 0.0;  // [1 / baselines]
   Eigen::Vector2d from_px;
   Eigen::Vector2d to_px;
-  std::size_t half = 0;  // of the points, 0 or 1
+  Eigen::Vector3d ray;         // of from_px: (X, Y, 1)
+  double inverse_depth = 0.0;  // [1 / baselines]
+  double from_row = 0.0;
+  double to_row = 0.0;
+  bool inlier = true;  // agrees with the motion
 };
 
-/// From a frame to the next one; translation in baselines.
-struct FrameMotion {
-  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d t = Eigen::Vector3d::Zero();
-
-  Eigen::Vector3d apply(const Flow& flow) const { return R * flow.ray + flow.inverse_depth * t; }
-
-  /// The mean velocity.
-  Twist twist(double period_s) const;
-};
-
-/// Two consecutive frames.
+/// Two consecutive frames, and the camera's motion from the first one to the second.
 struct FlowStep {
   std::vector<Flow> flows;
-  FrameMotion motion;
-  std::array<FrameMotion, 2> of_halves;  // from one half of the points each
   double period_s = 0.0;
   bool known = false;  // the motion is
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();
+  Twist first;   // the velocity at the first frame
+  Twist second;  // ... at the second one
 
-  static constexpr std::size_t kFewestPoints = 40;
+  static constexpr int kFewestInliers = 40;
+
+  /// Where the point of a flow is in the camera as its row in the second frame is exposed.
+  Eigen::Vector3d predict(const Flow& flow, double read_out_s) const;
+
+  /// Its derivative by the read-out time.
+  Eigen::Vector3d byReadOut(const Flow& flow) const;
+
+  /// From the first frame to the second one.
+  Twist meanTwist() const;
 };
 
-/// Jacobian of the pixel by the point.
+/// Jacobian of the left pixel by the point.
 Eigen::Matrix<double, 2, 3> projectionJacobian(const StereoCamera& camera,
-                                               const Eigen::Vector3d& p);
+                                               const Eigen::Vector3d& xyz);
 
-/// Jacobian of the pixel by a small motion after the one that is known.
-Matrix26d motionJacobian(const StereoCamera& camera, const Flow& flow, const Eigen::Vector3d& p);
+/// Jacobian of the left pixel by a small motion (translation, rotation) after the step's.
+Eigen::Matrix<double, 2, 6> motionJacobian(const StereoCamera& camera, const Flow& flow,
+                                           const Eigen::Vector3d& xyz);
 
-/// Three standard deviations of values whose median amount is this; more are outliers.
-double outlierCut(std::vector<double> deviations);
-
-/// The points that were followed to the next frame and a rigid motion that fits them, as known from
-/// all of them and from each half; others are dropped. Not known if too few are left.
-FlowStep fitFlowStep(const FollowedFrame& frame, const StereoCamera& camera);
+/// Fits the motion of a step to its flows, given the velocities and the read-out time, and tells
+/// which of them are inliers; `known` if there are enough.
+void fitMotion(const StereoCamera& camera, double read_out_s, FlowStep* step);
 
 }  // namespace point_line_odometry

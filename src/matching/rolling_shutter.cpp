@@ -1,13 +1,15 @@
 #include "matching/rolling_shutter.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <utility>
+#include <opencv2/core.hpp>
+#include <stdexcept>
 
+#include "geometry/raw_pixels.h"
 #include "matching/rigid_flow.h"
 
 namespace point_line_odometry {
@@ -29,29 +31,24 @@ Eigen::Matrix<double, 1, kCubic> cubic(const Eigen::Vector2d& pixel, const Stere
   return terms;
 }
 
-/// What two consecutive frames say: two rows for each point. Velocities are measured, too, and
-/// their noise would make the read-out too small. So they are measured twice, each time with half
-/// of the points: what one half gives is the instrument for the other one (Angrist and Krueger
-/// 1995).
+/// What two consecutive frames say: two rows for each inlier.
 struct Equations {
-  Eigen::VectorXd y;  // residual of the rigid motion [px]
-  Eigen::VectorXd x;  // its change by a read-out of one second, with the half of its points
-  Eigen::VectorXd instrument;      // ... with the motions of the other half
+  Eigen::VectorXd y;               // residual of the motion [px]
+  Eigen::VectorXd x;               // its change by a read-out of one second
   Eigen::MatrixXd motion;          // ... by six parameters of the motion
   Eigen::MatrixXd calibration;     // ... by the calibration's
   std::vector<std::size_t> cells;  // of the image, one for each point
 
   explicit Equations(Eigen::Index rows)
-      : y(rows), x(rows), instrument(rows), motion(rows, 6), calibration(rows, kCalibration) {}
+      : y(rows), x(rows), motion(rows, 6), calibration(rows, kCalibration) {}
 };
 
 /// Residuals of the image by the displacement of both pixels and the change of the disparity.
 Eigen::Matrix<double, 2, kCalibration> calibrationJacobian(const StereoCamera& camera,
-                                                           const FrameMotion& motion,
-                                                           const Flow& flow,
-                                                           const Eigen::Vector3d& p) {
-  const Eigen::Matrix<double, 2, 3> J = projectionJacobian(camera, p);
-  Eigen::Matrix2d by_from = (J * motion.R).leftCols<2>();
+                                                           const FlowStep& step, const Flow& flow,
+                                                           const Eigen::Vector3d& xyz) {
+  const Eigen::Matrix<double, 2, 3> J = projectionJacobian(camera, xyz);
+  Eigen::Matrix2d by_from = (J * step.R).leftCols<2>();
   by_from.col(0) /= camera.fx;
   by_from.col(1) /= camera.fy;
   const auto from = cubic(flow.from_px, camera);
@@ -61,7 +58,7 @@ Eigen::Matrix<double, 2, kCalibration> calibrationJacobian(const StereoCamera& c
     by.col(i) = to[i] * Eigen::Vector2d::UnitX() - from[i] * by_from.col(0);
     by.col(kCubic + i) = to[i] * Eigen::Vector2d::UnitY() - from[i] * by_from.col(1);
   }
-  by.rightCols<kQuadratic>() = J * motion.t / camera.fx * from.head<kQuadratic>();
+  by.rightCols<kQuadratic>() = J * step.t / camera.fx * from.head<kQuadratic>();
   return by;
 }
 
@@ -76,32 +73,18 @@ std::size_t cellOf(const Eigen::Vector2d& pixel, const StereoCamera& camera) {
                                   std::clamp(column, 0, kColumns - 1));
 }
 
-/// The velocities at both frames of a step, from each half of the points.
-struct Velocities {
-  std::array<Twist, 2> first;
-  std::array<Twist, 2> second;
-};
-
-Equations equationsOf(const FlowStep& step, const Velocities& velocities,
-                      const StereoCamera& camera) {
-  Equations equations(2 * static_cast<Eigen::Index>(step.flows.size()));
-  const auto share = [&](const Eigen::Vector2d& pixel) {
-    return (pixel.y() + 0.5) / camera.height - 0.5;
-  };
+Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamera& camera) {
+  const auto inliers = std::count_if(step.flows.begin(), step.flows.end(),
+                                     [](const Flow& flow) { return flow.inlier; });
+  Equations equations(2 * inliers);
   Eigen::Index row = 0;
   for (const Flow& flow : step.flows) {
-    const Eigen::Vector3d p = step.motion.apply(flow);
-    const auto byReadOut = [&](std::size_t half) -> Eigen::Vector2d {
-      const Eigen::Vector3d before = velocities.first[half].at(flow.ray, flow.inverse_depth);
-      const Eigen::Vector3d after = velocities.second[half].at(p, flow.inverse_depth);
-      return projectionJacobian(camera, p) *
-             (share(flow.to_px) * after - share(flow.from_px) * (step.motion.R * before));
-    };
-    equations.y.segment<2>(row) = flow.to_px - camera.projectLeft(p);
-    equations.x.segment<2>(row) = byReadOut(flow.half);
-    equations.instrument.segment<2>(row) = byReadOut(1 - flow.half);
-    equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, p);
-    equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step.motion, flow, p);
+    if (!flow.inlier) continue;
+    const Eigen::Vector3d xyz = step.predict(flow, read_out_s);
+    equations.y.segment<2>(row) = flow.to_px - camera.projectLeft(xyz);
+    equations.x.segment<2>(row) = projectionJacobian(camera, xyz) * step.byReadOut(flow);
+    equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, xyz);
+    equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step, flow, xyz);
     equations.cells.push_back(cellOf(flow.from_px, camera));
     row += 2;
   }
@@ -116,93 +99,73 @@ void eliminateMotion(Equations* equations) {
   };
   eliminate(&equations->y);
   eliminate(&equations->x);
-  eliminate(&equations->instrument);
   eliminate(&equations->calibration);
 }
 
-/// The calibration is common to all frames. Its terms are scaled, as motions differ in size.
+/// The calibration is common to all frames, and hardly wrong: without this knowledge, what an even
+/// motion does to rows is explained by displacements of many pixels.
 void eliminateCalibration(std::vector<Equations>* all) {
-  constexpr double kLeastShare = 1e-3;  // smaller combinations of terms are noise
-  Eigen::Index rows = 0;
-  for (const Equations& e : *all) rows += e.y.size();
-  Eigen::MatrixXd terms(rows, kCalibration);
-  Eigen::MatrixX3d values(rows, 3);
-  Eigen::Index at = 0;
+  constexpr double kNoise_px = 0.1;         // of a flow
+  constexpr double kDisplacement_px = 0.1;  // of each term
+  constexpr double kWeight = kNoise_px * kNoise_px / (kDisplacement_px * kDisplacement_px);
+  Eigen::MatrixXd H = kWeight * Eigen::MatrixXd::Identity(kCalibration, kCalibration);
+  Eigen::MatrixX2d g = Eigen::MatrixX2d::Zero(kCalibration, 2);
   for (const Equations& e : *all) {
-    terms.middleRows(at, e.y.size()) = e.calibration;
-    values.middleRows(at, e.y.size()) << e.y, e.x, e.instrument;
-    at += e.y.size();
+    H += e.calibration.transpose() * e.calibration;
+    g.col(0) += e.calibration.transpose() * e.y;
+    g.col(1) += e.calibration.transpose() * e.x;
   }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
-  qr.setThreshold(kLeastShare);
-  qr.compute(terms);
-  values -= (terms * qr.solve(values)).eval();
-  at = 0;
+  const Eigen::MatrixX2d terms = H.ldlt().solve(g);
   for (Equations& e : *all) {
-    e.y = values.col(0).segment(at, e.y.size());
-    e.x = values.col(1).segment(at, e.y.size());
-    e.instrument = values.col(2).segment(at, e.y.size());
-    at += e.y.size();
+    e.y -= e.calibration * terms.col(0);
+    e.x -= e.calibration * terms.col(1);
   }
 }
 
-/// The read-out with its standard deviation, from the scatter of groups in which errors are alike:
-/// a few consecutive frames, and parts of the image over all frames (Cameron, Gelbach and Miller
-/// 2011, without the term that they subtract).
-std::optional<ReadOut> commonReadOut(const std::vector<Equations>& all) {
+/// The change of the read-out with its standard deviation, from the scatter of groups in which
+/// errors are alike: a few consecutive frames, and parts of the image over all frames (Cameron,
+/// Gelbach and Miller 2011, without the term that they subtract), and from an error of flows that
+/// would look exactly like it.
+std::optional<ReadOut> commonChange(const std::vector<Equations>& all) {
   constexpr std::size_t kFrames = 3;
+  constexpr double kAlike_px = 0.02;  // root mean square; it is less in built-in scenes
   double xx = 0.0;
   double xy = 0.0;
+  double rows = 0.0;
   for (const Equations& e : all) {
-    xx += e.instrument.dot(e.x);
-    xy += e.instrument.dot(e.y);
+    xx += e.x.squaredNorm();
+    xy += e.x.dot(e.y);
+    rows += static_cast<double>(e.x.size());
   }
   if (xx <= 0.0) return std::nullopt;
-  ReadOut read_out;
-  read_out.seconds = xy / xx;
+  ReadOut change;
+  change.seconds = xy / xx;
   Eigen::VectorXd of_frames =
       Eigen::VectorXd::Zero(static_cast<Eigen::Index>((all.size() + kFrames - 1) / kFrames));
   Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(kColumns * kRows);
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const Eigen::VectorXd residual = all[k].y - read_out.seconds * all[k].x;
+    const Eigen::VectorXd residual = all[k].y - change.seconds * all[k].x;
     for (std::size_t i = 0; i < all[k].cells.size(); ++i) {
       const auto row = static_cast<Eigen::Index>(2 * i);
-      const double score = all[k].instrument.segment<2>(row).dot(residual.segment<2>(row));
+      const double score = all[k].x.segment<2>(row).dot(residual.segment<2>(row));
       of_frames[static_cast<Eigen::Index>(k / kFrames)] += score;
       of_cells[static_cast<Eigen::Index>(all[k].cells[i])] += score;
     }
   }
-  read_out.sigma_s = std::sqrt(of_frames.squaredNorm() + of_cells.squaredNorm()) / xx;
-  return read_out;
-}
-
-/// Drops the points that the read-out leaves far from their places.
-void dropOutliers(const std::vector<Equations>& all, double read_out_s,
-                  std::vector<FlowStep*>* steps) {
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const Eigen::VectorXd residual = all[k].y - read_out_s * all[k].x;
-    std::vector<double> deviations;
-    for (Eigen::Index i = 0; i < residual.size(); i += 2) {
-      deviations.push_back(residual.segment<2>(i).norm());
-    }
-    const double most = outlierCut(deviations);
-    std::vector<Flow> kept;
-    for (std::size_t i = 0; i < deviations.size(); ++i) {
-      if (deviations[i] <= most) kept.push_back((*steps)[k]->flows[i]);
-    }
-    (*steps)[k]->flows = std::move(kept);
-  }
+  const double scatter = (of_frames.squaredNorm() + of_cells.squaredNorm()) / (xx * xx);
+  change.sigma_s = std::sqrt(scatter + kAlike_px * kAlike_px * rows / xx);
+  return change;
 }
 
 /// The velocity at the beginning of a step, from the mean ones of the steps around it: exact for a
 /// cubic if there are four of the same duration, else for a quadratic.
-Twist velocityAt(const std::vector<FlowStep>& steps, std::size_t k, std::size_t half) {
+Twist velocityAt(const std::vector<FlowStep>& steps, std::size_t k) {
   constexpr double kInner = 7.0 / 12.0;
   constexpr double kOuter = -1.0 / 12.0;
   constexpr double kMostChange = 0.1;  // of the period
   const auto sum = [&](std::size_t a, std::size_t b, double weight) {
-    const Twist first = steps[a].of_halves[half].twist(steps[a].period_s);
-    const Twist second = steps[b].of_halves[half].twist(steps[b].period_s);
+    const Twist first = steps[a].meanTwist();
+    const Twist second = steps[b].meanTwist();
     return Twist{weight * (first.velocity + second.velocity),
                  weight * (first.rotation + second.rotation)};
   };
@@ -217,41 +180,99 @@ Twist velocityAt(const std::vector<FlowStep>& steps, std::size_t k, std::size_t 
   return {inner.velocity + outer.velocity, inner.rotation + outer.rotation};
 }
 
-/// A step with the motions before and after it.
-bool isBetween(const std::vector<FlowStep>& steps, std::size_t i) {
-  return i > 0 && i + 1 < steps.size() && steps[i - 1].known && steps[i].known &&
-         steps[i + 1].known && steps[i].flows.size() >= FlowStep::kFewestPoints / 2;
+/// The steps with a motion of their own and ones before and after; sets their velocities.
+std::vector<const FlowStep*> setVelocities(std::vector<FlowStep>* steps) {
+  std::vector<const FlowStep*> between;
+  for (std::size_t i = 1; i + 1 < steps->size(); ++i) {
+    FlowStep& step = (*steps)[i];
+    if (!(*steps)[i - 1].known || !step.known || !(*steps)[i + 1].known) continue;
+    step.first = velocityAt(*steps, i);
+    step.second = velocityAt(*steps, i + 1);
+    between.push_back(&step);
+  }
+  return between;
+}
+
+/// The rows of pixels as shares of the read-out.
+std::vector<double> rowsOf(const Eigen::Matrix2Xd& pixels, const CameraCalibration& left) {
+  Eigen::Matrix2Xd raw = pixels;
+  try {
+    raw = rawPixels(left, pixels);
+  } catch (const std::invalid_argument&) {  // only P is given: the images are rectified
+  }
+  std::vector<double> rows;
+  rows.reserve(static_cast<std::size_t>(raw.cols()));
+  for (Eigen::Index i = 0; i < raw.cols(); ++i) {
+    rows.push_back((raw(1, i) + 0.5) / left.height - 0.5);
+  }
+  return rows;
+}
+
+/// The rectified camera; lengths are in baselines.
+StereoCamera rectifiedCamera(const CameraCalibration& left) {
+  StereoCamera camera;
+  camera.fx = left.P(0, 0);
+  camera.fy = left.P(1, 1);
+  camera.cx = left.P(0, 2);
+  camera.cy = left.P(1, 2);
+  camera.baseline_m = 1.0;
+  camera.width = left.width;
+  camera.height = left.height;
+  return camera;
+}
+
+FlowStep stepOf(const FollowedFrame& frame, const CameraCalibration& left,
+                const StereoCamera& camera) {
+  FlowStep step;
+  step.period_s = frame.period_s;
+  if (frame.period_s <= 0.0 || frame.size != cv::Size(camera.width, camera.height)) return step;
+  for (const FollowedPoint& point : frame.points) {
+    if (!point.followed()) continue;
+    Flow flow;
+    flow.from_px = point.pixel;
+    flow.to_px = point.pixel + point.flow;
+    flow.ray << (point.pixel.x() - camera.cx) / camera.fx,
+        (point.pixel.y() - camera.cy) / camera.fy, 1.0;
+    flow.inverse_depth = point.disparity / camera.fx;
+    step.flows.push_back(flow);
+  }
+  const auto count = static_cast<Eigen::Index>(step.flows.size());
+  Eigen::Matrix2Xd pixels(2, 2 * count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    pixels.col(i) = step.flows[static_cast<std::size_t>(i)].from_px;
+    pixels.col(count + i) = step.flows[static_cast<std::size_t>(i)].to_px;
+  }
+  const std::vector<double> rows = rowsOf(pixels, left);
+  for (std::size_t i = 0; i < step.flows.size(); ++i) {
+    step.flows[i].from_row = rows[i];
+    step.flows[i].to_row = rows[step.flows.size() + i];
+  }
+  return step;
 }
 
 }  // namespace
 
 std::optional<ReadOut> measureReadOut(const std::vector<const FollowedFrame*>& frames,
-                                      const StereoCamera& camera) {
-  constexpr int kRounds = 3;
+                                      const CameraCalibration& left) {
+  constexpr int kRounds = 5;
   constexpr std::size_t kFewestSteps = 6;
+  const StereoCamera camera = rectifiedCamera(left);
   std::vector<FlowStep> steps;
   steps.reserve(frames.size());
-  for (const FollowedFrame* frame : frames) steps.push_back(fitFlowStep(*frame, camera));
-  std::optional<ReadOut> read_out;
+  for (const FollowedFrame* frame : frames) steps.push_back(stepOf(*frame, left, camera));
+  ReadOut read_out;
   for (int round = 0; round < kRounds; ++round) {
+    for (FlowStep& step : steps) fitMotion(camera, read_out.seconds, &step);
     std::vector<Equations> all;
-    std::vector<FlowStep*> used;
-    for (std::size_t i = 0; i < steps.size(); ++i) {
-      if (!isBetween(steps, i)) continue;
-      Velocities velocities;
-      for (std::size_t half = 0; half < 2; ++half) {
-        velocities.first[half] = velocityAt(steps, i, half);
-        velocities.second[half] = velocityAt(steps, i + 1, half);
-      }
-      all.push_back(equationsOf(steps[i], velocities, camera));
+    for (const FlowStep* step : setVelocities(&steps)) {
+      all.push_back(equationsOf(*step, read_out.seconds, camera));
       eliminateMotion(&all.back());
-      used.push_back(&steps[i]);
     }
     if (all.size() < kFewestSteps) return std::nullopt;
     eliminateCalibration(&all);
-    read_out = commonReadOut(all);
-    if (!read_out) return std::nullopt;
-    dropOutliers(all, read_out->seconds, &used);
+    const std::optional<ReadOut> change = commonChange(all);
+    if (!change) return std::nullopt;
+    read_out = {read_out.seconds + change->seconds, change->sigma_s};
   }
   return read_out;
 }

@@ -28,10 +28,18 @@ std::vector<double> jumpShares(const cv::Mat& image) {
   return shares;
 }
 
+/// True if a column shows something: it is not padding.
+bool hasContrast(const cv::Mat& image, int x) {
+  constexpr double kLeastContrast = 1.5;  // [grey levels], of noise alone
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(image.col(x), mean, deviation);
+  return deviation[0] >= kLeastContrast;
+}
+
 }  // namespace
 
 std::optional<int> commonSeam(const cv::Mat& left, const cv::Mat& right) {
-  constexpr double kLeastShare = 0.25;
+  constexpr double kLeastShare = 0.35;
   if (left.empty() || left.type() != CV_8UC1 || right.type() != CV_8UC1) return std::nullopt;
   if (left.size() != right.size()) return std::nullopt;
   std::vector<double> shares = jumpShares(left);
@@ -39,7 +47,11 @@ std::optional<int> commonSeam(const cv::Mat& left, const cv::Mat& right) {
   for (std::size_t x = 0; x < shares.size(); ++x) shares[x] = std::min(shares[x], others[x]);
   const auto best = std::max_element(shares.begin(), shares.end());
   if (*best < kLeastShare) return std::nullopt;
-  return static_cast<int>(best - shares.begin());
+  const auto column = static_cast<int>(best - shares.begin());
+  for (const cv::Mat* image : {&left, &right}) {
+    if (!hasContrast(*image, column - 1) || !hasContrast(*image, column)) return std::nullopt;
+  }
+  return column;
 }
 
 }  // namespace point_line_odometry

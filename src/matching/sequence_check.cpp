@@ -120,7 +120,7 @@ bool SequenceMeasurement::notSimultaneous() const {
 }
 
 bool SequenceMeasurement::hasRollingShutter() const {
-  constexpr double kSigmas = 5.0;
+  constexpr double kSigmas = 4.0;
   constexpr double kLeastShare = 0.1;  // cameras take a third of their period or more
   constexpr double kLeastShift_px = 0.3;
   if (!read_out_s) return false;
@@ -352,7 +352,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     if (frame.period_s > 0.0) periods_s.push_back(frame.period_s);
   }
   measurement.period_s = median(std::move(periods_s));
-  if (const auto read_out = camera_ ? measureReadOut(tracked, *camera_) : std::nullopt) {
+  if (const auto read_out = left_ ? measureReadOut(tracked, *left_) : std::nullopt) {
     measurement.read_out_s = read_out->seconds;
     measurement.read_out_sigma_s = read_out->sigma_s;
   }

@@ -5,11 +5,12 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "features/features.h"
 #include "matching/followed_frame.h"
-#include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/rectification.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -24,7 +25,7 @@ struct SequenceMeasurement {
   double delay_sigma_s = 0.0;
 
   /// By how much later the last row is exposed than the first one, with its standard deviation;
-  /// nothing if the camera is not known, or no motion shows it.
+  /// nothing if the camera is not known or no motion shows it.
   std::optional<double> read_out_s;
   double read_out_sigma_s = 0.0;
   double period_s = 0.0;  ///< from frame to frame, median
@@ -63,8 +64,9 @@ struct SequenceDelay {
 /// Rolling shutter: see measureReadOut().
 class SequenceCheck {
  public:
-  /// \param camera of the pairs; without it a rolling shutter is not looked for.
-  explicit SequenceCheck(std::optional<StereoCamera> camera = std::nullopt) : camera_(camera) {}
+  /// \param left camera of the pairs; without it a rolling shutter is not looked for.
+  explicit SequenceCheck(std::optional<CameraCalibration> left = std::nullopt)
+      : left_(std::move(left)) {}
 
   /// Takes the next pair; its points are kept. \param rectified CV_8UC1; other images, and stamps
   /// that do not increase, interrupt the sequence.
@@ -96,7 +98,7 @@ class SequenceCheck {
   std::optional<SequenceDelay> delayByRows() const;
   std::optional<SequenceDelay> delayByColumns() const;
 
-  std::optional<StereoCamera> camera_;
+  std::optional<CameraCalibration> left_;
   cv::Mat last_left_;  // empty: the next frame does not follow
   std::vector<Keypoint> last_keypoints_;
   std::int64_t last_stamp_ns_ = 0;

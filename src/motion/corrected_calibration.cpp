@@ -1,14 +1,11 @@
 #include "motion/corrected_calibration.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
-#include <vector>
 
+#include "geometry/raw_pixels.h"
 #include "geometry/se3.h"
 
 namespace point_line_odometry {
@@ -49,34 +46,6 @@ class CameraChange {
   CameraCalibration camera_;
   bool has_tangential_;
 };
-
-/// Pixels of the raw image that are seen at pixels of the rectified one.
-Pixels toRaw(const CameraCalibration& camera, const Pixels& rectified) {
-  const Eigen::Matrix3d rays = camera.R.transpose() * camera.P.leftCols<3>().inverse();
-  const bool fisheye = camera.distortion_model == "equidistant";
-  std::vector<cv::Point3d> points;
-  points.reserve(static_cast<std::size_t>(rectified.cols()));
-  for (Eigen::Index i = 0; i < rectified.cols(); ++i) {
-    const Eigen::Vector3d ray = rays * rectified.col(i).homogeneous();
-    points.emplace_back(ray.x(), ray.y(), ray.z());
-  }
-  cv::Matx33d K;
-  cv::eigen2cv(camera.K, K);
-  const std::vector<double> D = camera.D.empty() ? std::vector<double>(4, 0.0) : camera.D;
-  std::vector<cv::Point2d> projected;
-  const cv::Vec3d none(0.0, 0.0, 0.0);
-  if (fisheye) {
-    cv::fisheye::projectPoints(points, projected, none, none, K, D);
-  } else {
-    cv::projectPoints(points, none, none, K, D, projected);
-  }
-  Pixels raw(2, rectified.cols());
-  for (Eigen::Index i = 0; i < raw.cols(); ++i) {
-    const cv::Point2d& pixel = projected[static_cast<std::size_t>(i)];
-    raw.col(i) << pixel.x, pixel.y;
-  }
-  return raw;
-}
 
 Pixels gridOf(int width, int height) {
   constexpr int kColumns = 33;
@@ -119,7 +88,7 @@ Eigen::VectorXd fit(const CameraChange& change, const Eigen::VectorXd& steps,
   constexpr int kIterations = 10;
   constexpr double kDamping = 1e-6;
   const auto residualOf = [&](const Eigen::VectorXd& x) {
-    return flattened(toRaw(change.apply(x), corrected) - raw);
+    return flattened(rawPixels(change.apply(x), corrected) - raw);
   };
   Eigen::VectorXd x = Eigen::VectorXd::Zero(change.size());
   for (int k = 0; k < kIterations; ++k) {
@@ -154,12 +123,12 @@ CorrectedCalibration correctedCalibration(const StereoCalibration& calibration,
   Pixels corrected(2, grid.cols());
   for (Eigen::Index i = 0; i < grid.cols(); ++i) corrected.col(i) = displacement(grid.col(i));
   const CameraChange change(calibration.right);
-  const Pixels raw = toRaw(change.apply(Eigen::VectorXd::Zero(change.size())), grid);
+  const Pixels raw = rawPixels(change.apply(Eigen::VectorXd::Zero(change.size())), grid);
   const Eigen::VectorXd x =
       fit(change, differenceSteps(calibration.right, change.size()), corrected, raw);
   CorrectedCalibration result{calibration, sizeOf(corrected - grid), {}};
   result.calibration.right = change.apply(x);
-  result.remaining = sizeOf(toRaw(result.calibration.right, corrected) - raw);
+  result.remaining = sizeOf(rawPixels(result.calibration.right, corrected) - raw);
   return result;
 }
 

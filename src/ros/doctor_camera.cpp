@@ -75,9 +75,8 @@ DoctorLine wrongCut(int column) {
                      "both images have a seam from top to bottom at column " +
                          std::to_string(column) +
                          ": they are halves of a side-by-side image, cut at the wrong column",
-                     "set the driver to a size that has both images whole, twice as wide as one; "
-                     "the border of the "
-                     "two must be in the middle");
+                     "set the driver to a size that has both images whole, twice as wide as one, "
+                     "with the border of the two in the middle");
 }
 
 /// What is wrong with the contents of a pair, the worst first.
@@ -114,7 +113,8 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
                            sizeText(facts.camera->width, facts.camera->height),
                        "calibrate for this resolution, or set binning and roi in camera_info");
   }
-  if (facts.seam_column) return wrongCut(*facts.seam_column);
+  const bool identical = facts.pair && facts.pair->identical;
+  if (facts.seam_column && !identical) return wrongCut(*facts.seam_column);
   if (facts.pair) {
     if (const auto line = pairFault(*facts.pair)) return *line;
   }

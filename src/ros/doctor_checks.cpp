@@ -143,7 +143,8 @@ void DoctorChecks::noteSeam(std::optional<int> column) {
 
 void DoctorChecks::follow(const StereoMessages& set) {
   useImages(set, [this](const StereoImages& images) {
-    if (!sequence_) sequence_.emplace(camera_);
+    if (!sequence_)
+      sequence_.emplace(camera_ ? std::make_optional(calibration_.left) : std::nullopt);
     sequence_->add(images);
   });
 }

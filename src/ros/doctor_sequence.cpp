@@ -46,7 +46,7 @@ DoctorLine checkTrigger(const SequenceMeasurement& sequence) {
 }
 
 DoctorLine evaluateShutter(const SequenceMeasurement& sequence) {
-  constexpr double kTellsBelow = 0.2;  // of the period
+  constexpr double kTellsBelow = 0.5;  // of the period
   if (sequence.frames < kFewestFrames) {
     return unknownLine(Subject::kShutter, "not measured: too few consecutive pairs");
   }
@@ -65,10 +65,11 @@ DoctorLine evaluateShutter(const SequenceMeasurement& sequence) {
   }
   const double within_s = read_out_s + 3.0 * sequence.read_out_sigma_s;
   if (within_s > kTellsBelow * sequence.period_s) {
-    return okLine(Subject::kShutter, "not checked: the camera moves too evenly");
+    return okLine(Subject::kShutter,
+                  "not checked: the camera moves too evenly; turn it to and fro by hand");
   }
-  return okLine(Subject::kShutter,
-                "all rows are exposed at the same time, within " + milliseconds(within_s));
+  return okLine(Subject::kShutter, "rows are exposed at the same time, within " +
+                                       milliseconds(within_s) + " from first to last");
 }
 
 DoctorLine checkShutter(const SequenceMeasurement& sequence) {

@@ -63,10 +63,9 @@ std::vector<DoctorLine> conclude(const DoctorPairs& pairs, const AllParameters& 
   return checkInput(facts);
 }
 
-// Processed sets: for the speed and a trigger, and enough of them that the camera's rates tell the
-// axes of an IMU.
-constexpr std::size_t kSets = 30;
-constexpr std::size_t kSetsWithImu = 60;
+// Processed sets: for the speed, and enough of them that the camera's motion tells the trigger, the
+// shutter and the axes of an IMU.
+constexpr std::size_t kSets = 60;
 
 /// The IMU of a node that uses it; an empty subscriber otherwise.
 ros::Subscriber subscribeToImu(ros::NodeHandle nh, const AllParameters& parameters,
@@ -118,7 +117,7 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
   tf2_ros::Buffer tf;
   const tf2_ros::TransformListener listener(tf, nh);
   DoctorChecks checks(parameters.node);
-  DoctorPairs pairs(parameters.core.imu.enabled ? kSetsWithImu : kSets);
+  DoctorPairs pairs(kSets);
   ImuCheckFacts imu;
   const ros::Subscriber imu_subscriber = subscribeToImu(nh, parameters, &imu);
   MaskBuffer masks(parameters.node);
@@ -151,7 +150,7 @@ std::vector<DoctorLine> checkBag(const Options& options, const po::variables_map
   applyOptions(options, values, &parameters.node);
   DoctorChecks checks(parameters.node);
   const std::string imu_topic = bag.findImu(topics);
-  DoctorPairs pairs(imu_topic.empty() ? kSets : kSetsWithImu);
+  DoctorPairs pairs(kSets);
   const auto take = [&](const StereoMessages& set, double time_s) { pairs.take(set, time_s); };
   const InputFacts input = bag.read(topics, parameters.node, options.seconds, take);
   pairs.measure(&checks);
