@@ -11,12 +11,13 @@
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
+#include <utility>
 
 #include "common/input_error.h"
 #include "point_line_odometry/parameters.h"
 #include "ros/node_parameters.h"
-#include "tools/bag_source.h"
 #include "tools/command_line.h"
+#include "tools/input_options.h"
 #include "tools/interruption.h"
 #include "tools/offline_run.h"
 #include "tools/output_folder.h"
@@ -26,9 +27,7 @@
 #include "tools/recording_replay.h"
 #include "tools/report_script.h"
 #include "tools/run_report.h"
-#include "tools/source_filters.h"
 #include "tools/stereo_source.h"
-#include "tools/synthetic_source.h"
 #include "tools/thumbnails.h"
 
 namespace point_line_odometry {
@@ -40,21 +39,13 @@ namespace po = boost::program_options;
 constexpr int kExitNoReport = 1;
 
 struct Options {
-  std::string input;
-  std::string output;
-  std::string config;
-  std::vector<std::string> settings;
-  std::string left_topic;
-  std::string right_topic;
-  double max_interval_s = 0.0;
-  CameraInfoFiles camera_infos;
-  MaskRequest masks;
+  InputOptions input;
   std::string wheel_topic;
-  long max_frames = 0;  // 0: all
-  long every = 1;
   double scale = 1.0;
-  double target_ms = 0.0;  // 0: none
   std::string priors;
+  ParameterOptions parameters;
+  double target_ms = 0.0;  // 0: none
+  std::string output;
   long features_every = 0;  // 0: no images
   bool report = false;
   bool quiet = false;
@@ -63,61 +54,29 @@ struct Options {
 using Clock = std::chrono::steady_clock;
 
 /// Nothing if the input is not a recording.
-std::optional<RecordingReplay> openRecording(const Options& options) {
-  if (!isRecordingName(options.input) || !std::filesystem::is_regular_file(options.input))
-    return std::nullopt;
-  return RecordingReplay(readRecording(options.input));
+std::optional<RecordingReplay> openRecording(const std::string& input) {
+  if (!isRecordingName(input) || !std::filesystem::is_regular_file(input)) return std::nullopt;
+  return RecordingReplay(readRecording(input));
 }
 
-std::unique_ptr<StereoSource> openInput(const Options& options, const RecordedRun* recorded) {
-  if (isSyntheticName(options.input)) return openSynthetic(options.input);
-  if (!std::filesystem::exists(options.input)) {
-    throw InputError("input '" + options.input +
-                     "' does not exist: name a bag, a folder, a recording or synthetic:SCENE");
-  }
-  if (recorded != nullptr) {
-    return openBag(
-        {recorded->bag, recorded->topics, recorded->max_interval_ns, recorded->has_masks});
-  }
-  if (!std::filesystem::is_directory(options.input)) {
-    const auto interval_ns = static_cast<std::int64_t>(options.max_interval_s * 1e9);
-    return openBag({options.input,
-                    {options.left_topic, options.right_topic},
-                    interval_ns,
-                    options.masks.of_source,
-                    options.wheel_topic});
-  }
-  return openFolder(options.input);
-}
-
-/// The input with the requested calibration, masks, frames and image size.
+/// The input, or the bag of a recording, with the requested calibration, masks, frames and image
+/// size.
 std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedRun* recorded) {
-  MaskRequest masks = options.masks;
-  if (recorded != nullptr) masks.of_source = true;
-  std::unique_ptr<StereoSource> source =
-      masked(calibrated(openInput(options, recorded), options.camera_infos), masks);
-  if (options.every > 1) {
-    source = everyNth(std::move(source), static_cast<std::size_t>(options.every));
+  InputOptions input = options.input;
+  BagOptions bag;
+  bag.wheel_topic = options.wheel_topic;
+  bag.masks = input.masks.of_source;
+  std::unique_ptr<StereoSource> source;
+  if (recorded != nullptr) {
+    input.masks.of_source = true;
+    source =
+        openBag({recorded->bag, recorded->topics, recorded->max_interval_ns, recorded->has_masks});
+  } else {
+    source = openInput(input, bag);
   }
-  if (options.scale != 1.0) {
-    source = scaled(std::move(source), options.scale);
-  }
+  source = filtered(std::move(source), input);
+  if (options.scale != 1.0) source = scaled(std::move(source), options.scale);
   return source;
-}
-
-/// \param parameters defaults, overridden by the options.
-/// \param warnings about these; printed with those of the options.
-Parameters readParameters(const Options& options, Parameters parameters,
-                          std::vector<std::string> warnings) {
-  if (!options.config.empty()) {
-    if (!std::filesystem::is_regular_file(options.config)) {
-      throw InputError("parameter file '" + options.config + "' does not exist: check the path");
-    }
-    parameters = loadParameters(options.config, nodeParameterNames(), &warnings);
-  }
-  parameters = applySettings(parameters, options.settings, &warnings);
-  printWarnings("offline_odometry", warnings);
-  return parameters;
 }
 
 void writeImage(const std::filesystem::path& folder, std::size_t index, const cv::Mat& image) {
@@ -164,9 +123,10 @@ void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputF
 
 /// Creates the run for a source. Throws InputError if the calibration of the source cannot be used.
 OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay* replay) {
-  const Parameters given =
-      replay != nullptr ? readParameters(options, replay->run().parameters, replay->run().warnings)
-                        : readParameters(options, Parameters(), {});
+  const Parameters given = replay != nullptr
+                               ? readParameters("offline_odometry", options.parameters,
+                                                replay->run().parameters, replay->run().warnings)
+                               : readParameters("offline_odometry", options.parameters);
   const Parameters& first = replay != nullptr ? replay->run().parameters : given;
   try {
     OfflineRun run(source, first, replay);
@@ -177,19 +137,19 @@ OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay
     if (replay != nullptr && !options.priors.empty())
       throw InputError("option --priors cannot be used for a recording: it has its own");
     if (!options.priors.empty()) run.setPriors(readPriors(options.priors));
-    const bool others = !options.config.empty() || !options.settings.empty();
     if (replay != nullptr)
-      replay->begin(others ? std::make_optional(given) : std::nullopt, run.odometry());
+      replay->begin(options.parameters.given() ? std::make_optional(given) : std::nullopt,
+                    run.odometry());
     return run;
   } catch (const std::invalid_argument& error) {
-    throw InputError("calibration of '" + options.input + "' is unusable: " + error.what());
+    throw InputError("calibration of '" + options.input.input + "' is unusable: " + error.what());
   }
 }
 
 /// Processes the requested frames of a run and writes the requested images.
 void process(const Options& options, const StereoSource& source, OutputFolder* output,
              OfflineRun* run) {
-  const auto limit = static_cast<std::size_t>(options.max_frames);
+  const auto limit = static_cast<std::size_t>(options.input.max_frames);
   const auto every = static_cast<std::size_t>(options.features_every);
   std::filesystem::path images_folder;
   if (every > 0) images_folder = output->makeFolder("features");
@@ -207,7 +167,7 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
 }
 
 int runOdometry(const Options& options) {
-  std::optional<RecordingReplay> replay = openRecording(options);
+  std::optional<RecordingReplay> replay = openRecording(options.input.input);
   const std::unique_ptr<StereoSource> source =
       openSource(options, replay ? &replay->run() : nullptr);
   OfflineRun run = makeRun(*source, options, replay ? &*replay : nullptr);
@@ -220,7 +180,7 @@ int runOdometry(const Options& options) {
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
   RunInfo info;
-  info.input = options.input;
+  info.input = options.input.input;
   info.line_detector = toString(run.odometry()->lineDetector());
   const PointParameters& points = run.odometry()->parameters().points;
   info.point_descriptor = points.enabled ? points.descriptor : "none";
@@ -231,7 +191,7 @@ int runOdometry(const Options& options) {
   info.parameters = run.odometry()->parameters();
   info.gyroscope = run.gyroscope();
   info.gravity = run.gravity();
-  info.prior_file = run.priorFileUse(options.max_frames > 0);
+  info.prior_file = run.priorFileUse(options.input.max_frames > 0);
   if (info.prior_file)
     printWarnings("offline_odometry",
                   unmatchedRows(*info.prior_file, options.priors, run.stamps()));
@@ -266,49 +226,31 @@ std::string formatAllParameters() {
 
 po::options_description describeInput(Options* options) {
   po::options_description description("Input");
+  describeInput(&options->input, &description);
   // clang-format off
   description.add_options()
-      ("left-topic", po::value(&options->left_topic)->value_name("TOPIC"),
-       "left images of a bag; default: those in /stereo, or the only pair there is")
-      ("right-topic", po::value(&options->right_topic)->value_name("TOPIC"),
-       "right images of a bag; default: by the name of the left ones")
-      ("approximate-sync", po::value(&options->max_interval_s)->value_name("SECONDS"),
-       "pair images of a bag whose stamps differ by up to this; default: equal stamps")
-      ("left-camera-info", po::value(&options->camera_infos[0])->value_name("FILE"),
-       "calibration of the left camera, a yaml file of camera_calibration, in place of the input's;\n"
-       "images that were rectified already are rectified again by it")
-      ("right-camera-info", po::value(&options->camera_infos[1])->value_name("FILE"),
-       "the same for the right camera")
-      ("left-mask", po::value(&options->masks.files[0])->value_name("FILE"),
-       "image of the left camera's size, 0 where its pixels are to be ignored")
-      ("right-mask", po::value(&options->masks.files[1])->value_name("FILE"),
-       "the same for the right camera")
-      ("mask-images", po::bool_switch(&options->masks.of_source),
+      ("mask-images", po::bool_switch(&options->input.masks.of_source),
        "use the masks that come with the images: on the topics left/mask_image and\n"
        "right/mask_image of a bag, beside the images', or of the synthetic world's bonnet")
       ("wheel-topic",
        po::value(&options->wheel_topic)->value_name("TOPIC")->default_value("/wheel_odom"),
        "nav_msgs/Odometry of a bag by wheels, for wheels/enabled")
-      ("every", po::value(&options->every)->value_name("N"), "take every Nth frame")
       ("scale", po::value(&options->scale)->value_name("FACTOR"),
        "scale the images by FACTOR, 0.1 to 10")
       ("priors", po::value(&options->priors)->value_name("FILE"),
        "motion priors of frames, a row each: 'from_s to_s tx ty tz qx qy qz qw stx sty stz srx sry\n"
        "srz', the motion of the left camera between two stamps [m] and its standard deviations\n"
        "[m, rad] along and about the axes of the first, 0: unknown; the stamps, to the nanosecond,\n"
-       "are those of two frames in succession: rows that match none are named")
-      ("max-frames", po::value(&options->max_frames)->value_name("N"), "stop after N frames");
+       "are those of two frames in succession: rows that match none are named");
   // clang-format on
   return description;
 }
 
 po::options_description describeOdometry(Options* options) {
   po::options_description description("Odometry");
+  describeParameters(&options->parameters, &description);
   // clang-format off
   description.add_options()
-      ("config", po::value(&options->config)->value_name("FILE"), "parameters, YAML")
-      ("set", po::value(&options->settings)->value_name("NAME=VALUE")->composing(),
-       "one parameter; may be given several times, overrides --config")
       ("target-frame-time", po::value(&options->target_ms)->value_name("MS"),
        "use fewer features while a frame takes longer, as the node with target_frame_time_ms;\n"
        "the result then depends on the computer");
@@ -336,10 +278,9 @@ po::options_description describeOutput(Options* options) {
 
 /// Throws InputError if something is missing or out of its range.
 void checkOptions(const Options& options, const po::variables_map& values) {
-  if (options.input.empty()) throw InputError("no input is given: name a bag or a folder");
+  if (options.input.input.empty()) throw InputError("no input is given: name a bag or a folder");
   if (options.output.empty()) throw InputError("no output folder is given: add -o DIR");
-  requirePositive("--max-frames", options.max_frames, values);
-  requirePositive("--every", options.every, values);
+  checkInput(options.input, values);
   if (!(options.scale >= 0.1 && options.scale <= 10.0)) {
     throw InputError("option --scale must be a number from 0.1 to 10");
   }
@@ -347,9 +288,6 @@ void checkOptions(const Options& options, const po::variables_map& values) {
     throw InputError("option --target-frame-time must be a number of milliseconds from 0 to 10000");
   }
   requirePositive("--features-images", options.features_every, values);
-  if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 10.0) {
-    throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
-  }
 }
 
 int runCommandLine(int argc, char** argv) {
@@ -359,7 +297,7 @@ int runCommandLine(int argc, char** argv) {
       .add(describeOdometry(&options))
       .add(describeOutput(&options));
   po::options_description all(visible);
-  all.add_options()("input", po::value(&options.input));
+  all.add_options()("input", po::value(&options.input.input));
   const po::variables_map values = parseArguments(argc, argv, all, {"input"});
   if (values.count("help") > 0) {
     std::cout << "usage: offline_odometry INPUT -o DIR [options]\n\n"

@@ -187,6 +187,7 @@ class ScaledSource : public SourceFilter {
 }  // namespace
 
 std::unique_ptr<StereoSource> everyNth(std::unique_ptr<StereoSource> source, std::size_t n) {
+  if (n == 1) return source;
   return std::make_unique<EveryNthSource>(std::move(source), n);
 }
 
