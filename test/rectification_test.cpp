@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "geometry/raw_pixels.h"
+#include "geometry/raw_camera.h"
 
 namespace point_line_odometry {
 namespace {

@@ -1,120 +1,43 @@
 #include "point_line_odometry/rectification.h"
 
-#include <Eigen/LU>
-#include <cmath>
 #include <cstddef>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
-#include <sstream>
-#include <stdexcept>
-#include <vector>
 
-#include "geometry/raw_pixels.h"
+#include "geometry/raw_camera.h"
 
 namespace point_line_odometry {
 namespace {
 
 /// Focal lengths and principal points of the two P matrices may differ by rounding only [px].
 constexpr double kSameCamera_px = 0.01;
-/// Largest deviation of R R^T from the identity.
-constexpr double kOrthonormal = 1e-3;
 constexpr double kMinBaseline_m = 1e-6;
-
-/// A camera's intrinsics in OpenCV's types.
-struct OpenCvCamera {
-  cv::Matx33d K;
-  cv::Mat D;
-  bool fisheye = false;
-};
-
-template <typename... Parts>
-[[noreturn]] void fail(const Parts&... parts) {
-  std::ostringstream text;
-  text.precision(10);
-  (text << ... << parts);
-  throw std::invalid_argument(text.str());
-}
-
-void requireIntrinsics(const CameraCalibration& camera, const char* side) {
-  const Eigen::Matrix3d& K = camera.K;
-  if (!K.allFinite() || !(K(0, 0) > 0.0) || !(K(1, 1) > 0.0)) {
-    fail(side, " camera: K has focal lengths ", K(0, 0), " and ", K(1, 1),
-         ", but images can be rectified only with a calibrated K: calibrate the camera");
-  }
-}
-
-void requireRotation(const CameraCalibration& camera, const char* side) {
-  const Eigen::Matrix3d deviation = camera.R * camera.R.transpose() - Eigen::Matrix3d::Identity();
-  if (!camera.R.allFinite() || deviation.norm() > kOrthonormal || camera.R.determinant() <= 0.0) {
-    fail(side, " camera: R is not a rotation: calibrate the stereo pair again");
-  }
-}
-
-bool isAllowedCount(const std::string& model, std::size_t count) {
-  if (count == 0) return true;
-  if (model == "plumb_bob") return count == 4 || count == 5;
-  if (model == "equidistant") return count == 4;
-  return count == 8 || count == 12 || count == 14;
-}
-
-OpenCvCamera toOpenCv(const CameraCalibration& camera, const char* side) {
-  const std::string& model = camera.distortion_model;
-  const bool undistorted = camera.D.empty() && model.empty();
-  if (!undistorted && model != "plumb_bob" && model != "rational_polynomial" &&
-      model != "equidistant") {
-    fail(side, " camera: distortion_model '", model,
-         "' is unknown: use plumb_bob, rational_polynomial or equidistant");
-  }
-  if (!isAllowedCount(model, camera.D.size())) {
-    fail(side, " camera: D has ", camera.D.size(), " coefficients, which does not fit ", model,
-         ": plumb_bob takes 4 or 5, rational_polynomial 8, equidistant 4");
-  }
-  for (const double coefficient : camera.D) {
-    if (!std::isfinite(coefficient)) fail(side, " camera: D is not finite: calibrate the camera");
-  }
-  requireIntrinsics(camera, side);
-  OpenCvCamera result;
-  cv::eigen2cv(camera.K, result.K);
-  result.fisheye = model == "equidistant";
-  const std::vector<double> none(result.fisheye ? 4 : 5, 0.0);
-  result.D = cv::Mat(camera.D.empty() ? none : camera.D, true);
-  return result;
-}
-
-void requireProjection(const CameraCalibration& camera, const char* side) {
-  const auto& P = camera.P;
-  if (!P.allFinite()) fail(side, " camera: P has values that are not finite: calibrate the pair");
-  if (P.isZero(0.0)) {
-    fail(side, " camera: P is all zero: the camera is not calibrated; calibrate the stereo pair");
-  }
-  if (!(P(0, 0) > 0.0) || !(P(1, 1) > 0.0)) {
-    fail(side, " camera: P has focal lengths ", P(0, 0), " and ", P(1, 1),
-         ", but they must be above 0: calibrate the stereo pair");
-  }
-}
 
 void requireSizes(const StereoCalibration& calibration) {
   const CameraCalibration& left = calibration.left;
   const CameraCalibration& right = calibration.right;
   for (const CameraCalibration* camera : {&left, &right}) {
     if (camera->width > 0 && camera->height > 0) continue;
-    fail(camera == &left ? "left" : "right", " camera: the size is ", camera->width, " x ",
-         camera->height, ": give width and height of the images in the calibration");
+    refuseCalibration(camera == &left ? "left" : "right", " camera: the size is ", camera->width,
+                      " x ", camera->height,
+                      ": give width and height of the images in the calibration");
   }
   if (left.width != right.width || left.height != right.height) {
-    fail("the left image is calibrated for ", left.width, " x ", left.height, ", the right for ",
-         right.width, " x ", right.height, ": both must have the same size");
+    refuseCalibration("the left image is calibrated for ", left.width, " x ", left.height,
+                      ", the right for ", right.width, " x ", right.height,
+                      ": both must have the same size");
   }
 }
 
 void requireSameCamera(const CameraCalibration& left, const CameraCalibration& right) {
   const Eigen::Matrix3d difference = left.P.leftCols<3>() - right.P.leftCols<3>();
   if (difference.cwiseAbs().maxCoeff() > kSameCamera_px) {
-    fail("P of the left and right camera differ (fx ", left.P(0, 0), " and ", right.P(0, 0),
-         ", cx ", left.P(0, 2), " and ", right.P(0, 2), ", cy ", left.P(1, 2), " and ",
-         right.P(1, 2), "): they must come from one stereo calibration with zero disparity");
+    refuseCalibration("P of the left and right camera differ (fx ", left.P(0, 0), " and ",
+                      right.P(0, 0), ", cx ", left.P(0, 2), " and ", right.P(0, 2), ", cy ",
+                      left.P(1, 2), " and ", right.P(1, 2),
+                      "): they must come from one stereo calibration with zero disparity");
   }
 }
 
@@ -122,11 +45,12 @@ void requireBaseline(const StereoCalibration& calibration, double baseline_m) {
   if (baseline_m >= kMinBaseline_m) return;
   const double value = calibration.right.P(0, 3);
   if (baseline_m < -kMinBaseline_m) {
-    fail("P[3] of the right camera is ", value, ", which gives a baseline of ", baseline_m,
-         " m: swap left and right");
+    refuseCalibration("P[3] of the right camera is ", value, ", which gives a baseline of ",
+                      baseline_m, " m: swap left and right");
   }
-  fail("P[3] of the right camera is ", value, ", which gives no baseline: it must be -fx * ",
-       "baseline; calibrate the pair as a stereo pair (side by side, not one above the other)");
+  refuseCalibration(
+      "P[3] of the right camera is ", value, ", which gives no baseline: it must be -fx * ",
+      "baseline; calibrate the pair as a stereo pair (side by side, not one above the other)");
 }
 
 Eigen::Matrix<double, 3, 4> toEigen34(const cv::Mat& P) {
@@ -171,12 +95,14 @@ StereoCalibration rectifyCalibration(StereoCalibration calibration,
   const OpenCvCamera left = toOpenCv(calibration.left, "left");
   const OpenCvCamera right = toOpenCv(calibration.right, "right");
   if (left.fisheye != right.fisheye) {
-    fail("the left camera's distortion_model is ", calibration.left.distortion_model,
-         ", the right's ", calibration.right.distortion_model, ": both must be of one kind");
+    refuseCalibration("the left camera's distortion_model is ", calibration.left.distortion_model,
+                      ", the right's ", calibration.right.distortion_model,
+                      ": both must be of one kind");
   }
   const double distance_m = T_right_left.translation().norm();
   if (!T_right_left.matrix().allFinite() || distance_m < kMinBaseline_m) {
-    fail("the cameras are ", distance_m, " m apart: give the pose of each camera of the pair");
+    refuseCalibration("the cameras are ", distance_m,
+                      " m apart: give the pose of each camera of the pair");
   }
   const cv::Size size(calibration.left.width, calibration.left.height);
   cv::Matx33d R;
@@ -219,40 +145,14 @@ StereoRectifier::StereoRectifier(const StereoCalibration& calibration)
   }
 }
 
-Eigen::Matrix2Xd rawPixels(const CameraCalibration& camera, const Eigen::Matrix2Xd& rectified) {
-  const OpenCvCamera raw = toOpenCv(camera, "raw");
-  requireRotation(camera, "raw");
-  requireProjection(camera, "raw");
-  Eigen::Matrix2Xd pixels(2, rectified.cols());
-  if (rectified.cols() == 0) return pixels;
-  const Eigen::Matrix3d rays = camera.R.transpose() * camera.P.leftCols<3>().inverse();
-  std::vector<cv::Point3d> points;
-  points.reserve(static_cast<std::size_t>(rectified.cols()));
-  for (Eigen::Index i = 0; i < rectified.cols(); ++i) {
-    const Eigen::Vector3d ray = rays * rectified.col(i).homogeneous();
-    points.emplace_back(ray.x(), ray.y(), ray.z());
-  }
-  std::vector<cv::Point2d> projected;
-  const cv::Vec3d none(0.0, 0.0, 0.0);
-  if (raw.fisheye) {
-    cv::fisheye::projectPoints(points, projected, none, none, raw.K, raw.D);
-  } else {
-    cv::projectPoints(points, none, none, raw.K, raw.D, projected);
-  }
-  for (Eigen::Index i = 0; i < pixels.cols(); ++i) {
-    const cv::Point2d& pixel = projected[static_cast<std::size_t>(i)];
-    pixels.col(i) << pixel.x, pixel.y;
-  }
-  return pixels;
-}
-
 /// A pixel is 0 if it is interpolated from one that is.
 cv::Mat StereoRectifier::rectifyMask(const cv::Mat& raw, const Maps& maps) {
   if (raw.empty()) return {};
   if (raw.type() != CV_8UC1 || raw.size() != maps.xy.size()) {
-    fail("a mask to be rectified is ", raw.cols, " x ", raw.rows, " with ", raw.channels(),
-         " channel(s) of ", 8 * raw.elemSize1(), " bit, but must be 8 bit grey and of the images' ",
-         maps.xy.cols, " x ", maps.xy.rows);
+    refuseCalibration("a mask to be rectified is ", raw.cols, " x ", raw.rows, " with ",
+                      raw.channels(), " channel(s) of ", 8 * raw.elemSize1(),
+                      " bit, but must be 8 bit grey and of the images' ", maps.xy.cols, " x ",
+                      maps.xy.rows);
   }
   cv::Mat mean;
   cv::remap(raw != 0, mean, maps.xy, maps.weight, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
@@ -264,10 +164,10 @@ StereoImages StereoRectifier::rectify(const StereoImages& raw) const {
   const cv::Size size(camera_.width, camera_.height);
   for (const cv::Mat* image : {&raw.left, &raw.right}) {
     if (image->type() != CV_8UC1 || image->size() != size) {
-      fail("an image to be rectified is ", image->cols, " x ", image->rows, " with ",
-           image->channels(), " channel(s) of ", 8 * image->elemSize1(),
-           " bit, but must be 8 bit grey and ", size.width, " x ", size.height,
-           " as in the calibration");
+      refuseCalibration("an image to be rectified is ", image->cols, " x ", image->rows, " with ",
+                        image->channels(), " channel(s) of ", 8 * image->elemSize1(),
+                        " bit, but must be 8 bit grey and ", size.width, " x ", size.height,
+                        " as in the calibration");
     }
   }
   StereoImages rectified;

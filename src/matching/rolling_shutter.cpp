@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
-#include "geometry/raw_pixels.h"
+#include "geometry/raw_camera.h"
 #include "matching/rigid_flow.h"
 
 namespace point_line_odometry {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "geometry/raw_pixels.h"
+#include "geometry/raw_camera.h"
 #include "geometry/se3.h"
 
 namespace point_line_odometry {
