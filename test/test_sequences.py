@@ -381,6 +381,18 @@ class DarkImages(ErrorTest):
                           {"ate_m": 0.072, "rpe_r_deg": 0.22}, every=3)  # 0.037, 0.096
 
 
+class LittleInView(ErrorTest):
+    """On top of a hill only clouds and the skyline are seen for seconds."""
+
+    def test_translation_is_predicted(self):
+        # Every 4th frame: lost for 0.8 s, and 14.2 m wrong where the velocity of before was not used.
+        summary, errors = self.scores("synthetic:street,hill=1,seed=1,frames=120", every=4)
+        print(f"\n{summary['states']}, ATE {errors['ate_m']:.4g} m", flush=True)
+        self.assertEqual(errors["matched_frames"], 30)
+        self.assertLess(errors["ate_m"], 0.5)  # measured 0.146
+        self.assertGreater(summary["states"]["ok"], 15)  # measured 22
+
+
 class OwnStandardDeviations(unittest.TestCase):
     """Few motions with state ok are wrong by more than six of their own standard deviations: of 730
     frames of the built-in worlds none when the bound was set. More than 10 000 frames take

@@ -100,20 +100,39 @@ bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matc
          shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
 }
 
-/// The motion over a time by the last velocity, or by the limits of the camera's speed, and a
-/// prior.
-PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
-                               const TrackingParameters& limits, const MotionPrior* prior) {
+bool isCurrent(const std::optional<CameraVelocity>& velocity) {
+  return velocity && velocity->is_current;
+}
+
+/// Of a motion of which only the limits of the camera's speed are known.
+Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits) {
   Matrix6d covariance = Matrix6d::Zero();
-  if (velocity) {
-    covariance = dt_s * dt_s * velocity->covariance +
-                 predictionCovariance(velocity->value, true, dt_s, dt_s);
-  } else {
-    covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
-    covariance.diagonal().tail<3>().setConstant(
-        std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
-  }
-  return predictedMotion(velocity ? velocity->value : Vector6d::Zero(), covariance, dt_s, prior);
+  covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
+  covariance.diagonal().tail<3>().setConstant(
+      std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
+  return covariance;
+}
+
+/// The motion over a time by the last velocity, measured before `unmeasured_s`, and a prior.
+PredictedMotion expectedMotion(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
+                               const MotionPrior* prior) {
+  const Matrix6d covariance = dt_s * dt_s * velocity.covariance +
+                              predictionCovariance(velocity.value, true, dt_s, unmeasured_s);
+  return predictedMotion(velocity.value, covariance, dt_s, prior);
+}
+
+/// The same by a velocity that is not current: the older it is, the more the limits count.
+PredictedMotion expectedMotion(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
+                               const TrackingParameters& limits) {
+  MotionPrior within_limits;
+  within_limits.information.diagonal() = covarianceByLimits(dt_s, limits).diagonal().cwiseInverse();
+  return expectedMotion(velocity, dt_s, unmeasured_s, &within_limits);
+}
+
+/// Without a velocity.
+PredictedMotion expectedMotion(double dt_s, const TrackingParameters& limits,
+                               const MotionPrior* prior) {
+  return predictedMotion(Vector6d::Zero(), covarianceByLimits(dt_s, limits), dt_s, prior);
 }
 
 TrackingReason trackingReason(MotionStatus status) {
@@ -156,7 +175,7 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     trackLocalMap(curr, expected, &tracked);
     if (tracked.prior.use == PriorUse::kRejected) return tracked;
   }
-  constrainWeakAxes(dt_s, &tracked);
+  constrainWeakAxes(curr, &tracked);
   if (tracked.motion.ok()) {
     tracked.reason = reasonOf(tracked.motion, dt_s);
   } else {
@@ -336,13 +355,13 @@ MotionEstimate FrameTracker::estimateByImages(const Correspondences& matches,
                                               const Eigen::Isometry3d& T_curr_prev,
                                               const StereoFrame& prev, const StereoFrame& curr,
                                               ThreadPool* threads) const {
-  if (!velocity_)
+  if (!isCurrent(velocity_))
     return estimateMotion(matches, context_.camera, T_curr_prev, parameters_.motion, threads);
   return estimateCameraMotion(matches, context_.camera, atVelocity(T_curr_prev, prev, curr),
                               parameters_.motion, threads);
 }
 
-/// A prediction from the velocity, which must be known.
+/// A prediction from the velocity, which must be current.
 ConstantVelocityMotion FrameTracker::atVelocity(const Eigen::Isometry3d& T_curr_prev,
                                                 const StereoFrame& prev,
                                                 const StereoFrame& curr) const {
@@ -350,10 +369,10 @@ ConstantVelocityMotion FrameTracker::atVelocity(const Eigen::Isometry3d& T_curr_
   return {T_curr_prev, dt_s * dt_s * velocity_->covariance, dt_s};
 }
 
-/// Whether a camera may move so after the predicted motion; false without a velocity.
+/// Whether a camera may move so after the predicted motion; false without a current velocity.
 bool FrameTracker::isPlausible(const MotionEstimate& motion, const Expectation& expected,
                                const StereoFrame& prev, const StereoFrame& curr) const {
-  if (!velocity_ || !parameters_.motion.solve_near_prediction) return false;
+  if (!isCurrent(velocity_) || !parameters_.motion.solve_near_prediction) return false;
   return point_line_odometry::isPlausible(motion,
                                           atVelocity(expected.prediction.T_curr_prev, prev, curr));
 }
@@ -383,9 +402,19 @@ MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expe
 /// Fuses the motion with the prediction by their covariances (Kalman update) if some axis is better
 /// constrained by the prediction; otherwise the prediction is not used. The prior is in the motion
 /// already: it is not counted twice.
-void FrameTracker::constrainWeakAxes(double dt_s, TrackingResult* tracked) const {
+void FrameTracker::constrainWeakAxes(const StereoFrame& curr, TrackingResult* tracked) const {
   if (!parameters_.motion.predict_weak_axes || !tracked->motion.ok()) return;
-  const PredictedMotion expected = expectedMotion(velocity_, dt_s, parameters_.tracking, nullptr);
+  const TrackingParameters& limits = parameters_.tracking;
+  const double dt_s = toSeconds(curr.stamp_ns - history_.previous->stamp_ns);
+  PredictedMotion expected;
+  if (isCurrent(velocity_)) {
+    expected = expectedMotion(*velocity_, dt_s, dt_s, nullptr);
+  } else if (velocity_) {
+    const double unmeasured_s = toSeconds(curr.stamp_ns - velocity_->stamp_ns);
+    expected = expectedMotion(*velocity_, dt_s, unmeasured_s, limits);
+  } else {
+    expected = expectedMotion(dt_s, limits, nullptr);
+  }
   tracked->weak =
       constrainByPrediction(expected.T_prev_curr, expected.covariance, &tracked->motion);
 }
@@ -402,13 +431,13 @@ TrackingReason FrameTracker::reasonOf(const MotionEstimate& motion, double dt_s)
 MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                const Parameters& parameters, const MotionPrior* prior) {
   MotionPrediction prediction;
-  if (velocity || prior != nullptr)
-    prediction.T_curr_prev =
-        expectedMotion(velocity, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
-  prediction.radius_px = parameters.matching.search_radius_without_velocity_px;
-  if (velocity) {
+  if (isCurrent(velocity)) {
+    prediction.T_curr_prev = expectedMotion(*velocity, dt_s, dt_s, prior).T_prev_curr.inverse();
     const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
     prediction.radius_px = widening * parameters.matching.search_radius_px;
+  } else {
+    prediction.T_curr_prev = expectedMotion(dt_s, parameters.tracking, prior).T_prev_curr.inverse();
+    prediction.radius_px = parameters.matching.search_radius_without_velocity_px;
   }
   return prediction;
 }

@@ -71,8 +71,8 @@ struct ReferencePoints {
   std::vector<StereoDescriptor> descriptors;
 };
 
-/// Motion over a time at constant velocity, fused with a prior (null: none), and the search radius;
-/// without either none.
+/// Motion over a time at constant velocity, if it is current, fused with a prior (null: none), and
+/// the search radius; without either none.
 MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                const Parameters& parameters, const MotionPrior* prior);
 
@@ -81,7 +81,7 @@ MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, do
 class FrameTracker {
  public:
   /// All must outlive this. \param history with a previous frame. \param velocity the last
-  /// estimate, for the prediction; nothing if unknown. \param prior of the motion.
+  /// estimate, for the prediction, current or not; nothing if unknown. \param prior of the motion.
   FrameTracker(const FrameHistory& history, const std::optional<CameraVelocity>& velocity,
                const FramePrior& prior, const FrameContext& context, ThreadPool* threads,
                StageTimes* times)
@@ -139,7 +139,7 @@ class FrameTracker {
                           const StereoFrame& prev, const StereoFrame& curr, ThreadPool* threads,
                           TrackingResult* tracked) const;
   void comparePrior(TrackingResult* tracked) const;
-  void constrainWeakAxes(double dt_s, TrackingResult* tracked) const;
+  void constrainWeakAxes(const StereoFrame& curr, TrackingResult* tracked) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
 
   const FrameHistory& history_;

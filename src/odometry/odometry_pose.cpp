@@ -42,8 +42,8 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   const double since_previous_s = toSeconds(stamp_ns - history.previous->stamp_ns);
   integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, stamp_ns);
   if (since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
-    integrator_.discardMeasuredVelocity();  // a mean over a time without tracking
-    smoother_.followUnknown(integrator_, dt_s);
+    integrator_.widenVelocity();
+    smoother_.followMean(integrator_, dt_s);
   } else {
     smoother_.followMeasured(integrator_, dt_s, parameters.standstill_hold);
   }
@@ -121,7 +121,7 @@ void OdometryPose::report(TrackingState tracking, FrameResult* result) const {
   result->pose_covariance = smoother_.covariance(integrator_);
   result->twist = smoother_.holds() ? Vector6d::Zero() : integrator_.twist();
   result->twist_covariance = integrator_.twistCovariance();
-  const bool measured = tracking == TrackingState::kOk && velocity();
+  const bool measured = tracking == TrackingState::kOk && velocity() && velocity()->is_current;
   result->twist_over_s = measured ? velocity()->measured_over_s : 0.0;
 }
 

@@ -78,9 +78,9 @@ class OdometryPose {
   bool isReachable(const Eigen::Isometry3d& T_odom_camera, std::int64_t stamp_ns, double dt_s,
                    const TrackingParameters& parameters) const;
 
-  /// The last estimate; nothing before two frames were matched.
+  /// The last estimate, current or not; nothing before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return integrator_.velocity(); }
-  void resetVelocity() { integrator_.resetVelocity(); }
+  void loseVelocity() { integrator_.loseVelocity(); }
 
   /// Fills in poses, velocity and their covariances.
   void report(TrackingState tracking, FrameResult* result) const;

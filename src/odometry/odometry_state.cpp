@@ -86,7 +86,7 @@ void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context
   if (tracked.reason != TrackingReason::kNone) {
     keepLostMap(context.parameters);
     startMap(context.parameters);  // the motion since the old one is unknown
-    if (tracking != TrackingState::kDegraded) pose.resetVelocity();
+    if (tracking != TrackingState::kDegraded) pose.loseVelocity();
   } else {
     if (fusesRotation(context.parameters)) {
       history.before_previous =

@@ -62,7 +62,7 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
 bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s,
                                    const MotionPrior* prior) {
   const double unmeasured_s = velocity_ ? toSeconds(stamp_ns - velocity_->stamp_ns) : dt_s;
-  const bool moves = velocity_ && unmeasured_s <= max_prediction_s;
+  const bool moves = velocity_ && velocity_->is_current && unmeasured_s <= max_prediction_s;
   const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
   PredictedMotion motion;
   motion.covariance = predictionCovariance(velocity, moves, dt_s, unmeasured_s);
@@ -93,12 +93,17 @@ Matrix6d PoseIntegrator::covariance() const {
   return covariance;
 }
 
-void PoseIntegrator::discardMeasuredVelocity() {
+void PoseIntegrator::loseVelocity() {
+  if (velocity_) velocity_->is_current = false;
+}
+
+void PoseIntegrator::widenVelocity() {
   if (!velocity_) return;
-  twist_covariance_ =
-      predictionCovariance(velocity_->value, false, 1.0, velocity_->measured_over_s);
-  twist_.setZero();
-  velocity_.reset();
+  velocity_->is_current = false;
+  // Of a steady acceleration, the mean velocity is that of the middle of the time.
+  velocity_->covariance +=
+      predictionCovariance(Vector6d::Zero(), true, 1.0, 0.5 * velocity_->measured_over_s);
+  twist_covariance_ = velocity_->covariance;
 }
 
 void PoseIntegrator::returnTo(const Eigen::Isometry3d& T_odom_previous,

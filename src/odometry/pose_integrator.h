@@ -17,6 +17,9 @@ struct CameraVelocity {
   Matrix6d covariance = Matrix6d::Zero();
   double measured_over_s = 0.0;  ///< time between the two frames that it is from
   std::int64_t stamp_ns = 0;     ///< of the second one
+  /// False: from before tracking was lost, or a mean over a time without tracking. It predicts
+  /// neither pixels nor poses, but is better than nothing along axes that images do not show.
+  bool is_current = true;
 };
 
 /// An estimated motion since the previous frame.
@@ -57,7 +60,8 @@ class PoseIntegrator {
   void addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns);
 
   /// Continues from the last pose at the last velocity, with grown covariance. Returns false if the
-  /// velocity is unknown or was estimated longer than max_prediction_s ago: then the pose is kept.
+  /// velocity is not current or was estimated longer than max_prediction_s ago: then the pose is
+  /// kept.
   /// \param prior of the motion since the last pose, fused with the velocity; null: none.
   bool addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s,
                      const MotionPrior* prior = nullptr);
@@ -68,10 +72,11 @@ class PoseIntegrator {
   /// The last pose becomes that of the previous frame.
   void advance();
 
-  void resetVelocity() { velocity_.reset(); }
+  /// Tracking was lost: the velocity is no longer the current one.
+  void loseVelocity();
 
-  /// Discards a mean velocity over so long a time that it does not predict the present one.
-  void discardMeasuredVelocity();
+  /// The velocity is a mean over so long a time that the present one may differ much.
+  void widenVelocity();
 
   /// An earlier frame becomes the previous one again, with the pose and covariance that it had.
   void returnTo(const Eigen::Isometry3d& T_odom_previous, const Matrix6d& previous_covariance);
@@ -85,7 +90,7 @@ class PoseIntegrator {
   /// The part of it that is propagated from the previous frame, without the scale error.
   const Matrix6d& previousCovariance() const { return previous_covariance_; }
 
-  /// The last estimated velocity; none before two frames were matched.
+  /// The last estimated velocity, current or not; none before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return velocity_; }
 
   /// Velocity at the last pose: estimated, predicted with grown covariance, or zero while the pose

@@ -60,6 +60,12 @@ void PoseSmoother::followPredicted(const PoseIntegrator& estimate, double dt_s) 
   follow(estimate, estimate.twist(), dt_s);
 }
 
+void PoseSmoother::followMean(const PoseIntegrator& estimate, double dt_s) {
+  stationary_.reset();
+  holds_ = false;
+  follow(estimate, estimate.twist(), dt_s);
+}
+
 void PoseSmoother::followUnknown(const PoseIntegrator& estimate, double dt_s) {
   stationary_.reset();
   holds_ = false;

@@ -26,6 +26,10 @@ class PoseSmoother {
   /// After a frame whose motion was predicted.
   void followPredicted(const PoseIntegrator& estimate, double dt_s);
 
+  /// After a time without tracking, of whose motion only the mean velocity is known: the camera may
+  /// no longer be stationary.
+  void followMean(const PoseIntegrator& estimate, double dt_s);
+
   /// After a frame whose motion is unknown: the camera may no longer be stationary.
   void followUnknown(const PoseIntegrator& estimate, double dt_s);
 

@@ -111,8 +111,8 @@ inline auto stateOf(StereoFrame& frame) {
 }
 
 inline auto stateOf(CameraVelocity& velocity) {
-  auto& [value, covariance, measured_over_s, stamp_ns] = velocity;
-  return std::tie(value, covariance, measured_over_s, stamp_ns);
+  auto& [value, covariance, measured_over_s, stamp_ns, is_current] = velocity;
+  return std::tie(value, covariance, measured_over_s, stamp_ns, is_current);
 }
 
 inline auto stateOf(MotionPrior& prior) {
