@@ -264,7 +264,7 @@ TEST(Faults, FasterThanAnythingIsRejected) {
 /// A wall across the view, with the brightness of `shade(x, y)` [m].
 StereoImages wall(double depth_m, double right_m,
                   const std::function<double(double, double)>& shade, int k) {
-  constexpr int kRays = 5;
+  constexpr int kRays = 5;  // per side of a pixel
   StereoImages images = uniform(0, k);
   for (const bool left : {true, false}) {
     cv::Mat image(kCamera.height, kCamera.width, CV_8UC1);
@@ -272,12 +272,13 @@ StereoImages wall(double depth_m, double right_m,
     for (int v = 0; v < image.rows; ++v) {
       for (int u = 0; u < image.cols; ++u) {
         double sum = 0.0;
-        for (int ray = 0; ray < kRays; ++ray) {
-          const double x = u - 0.5 + (ray + 0.5) / kRays;
+        for (int ray = 0; ray < kRays * kRays; ++ray) {
+          const double x = u - 0.5 + (ray % kRays + 0.5) / kRays;
+          const double y = v - 0.5 + (ray / kRays + 0.5) / kRays;
           sum += shade(x0 + depth_m * (x - kCamera.cx) / kCamera.fx,
-                       depth_m * (v - kCamera.cy) / kCamera.fy);
+                       depth_m * (y - kCamera.cy) / kCamera.fy);
         }
-        image.at<uchar>(v, u) = cv::saturate_cast<uchar>(sum / kRays);
+        image.at<uchar>(v, u) = cv::saturate_cast<uchar>(sum / (kRays * kRays));
       }
     }
     (left ? images.left : images.right) = image;
@@ -310,6 +311,54 @@ TEST(Faults, OneDirectionOfLinesLeavesItsAxisWeak) {
   EXPECT_EQ(result.reason, TrackingReason::kWeakMotion);
   const Matrix6d& covariance = result.twist_covariance;
   EXPECT_GT(covariance(1, 1), 1e4 * covariance(0, 0));
+}
+
+/// Of tiles some are matched with the wrong ones of the right image, and seem to be much nearer: a
+/// turn, which moves near and far alike, would suit all of them.
+TEST(Faults, AFewWrongDepthsDoNotMakeATranslationATurn) {
+  constexpr double kDown_m = 0.03;
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 5; ++k) {
+    const auto shade = [k](double x, double y) { return tiles(0.3, x, y + kDown_m * k); };
+    const FrameResult result = odometry.process(wall(5.0, 0.0, shade, k));
+    if (k == 0) continue;
+    EXPECT_EQ(result.state, TrackingState::kOk) << k;
+    EXPECT_NEAR(result.twist[1], kDown_m / kPeriod_s, 0.15 * kDown_m / kPeriod_s) << k;
+    EXPECT_LT(result.twist.tail<3>().norm(), 0.01) << k;  // [rad/s]; the turn would be 0.054
+  }
+}
+
+/// A camera that moved downwards when tracking was lost, and then sees vertical lines only, is
+/// expected to move on, but not for ever.
+TEST(Faults, WeakAxesFollowTheVelocityOfBeforeALoss) {
+  constexpr int kDark = 6;
+  constexpr double kDepth_m = 5.0;
+  constexpr double kDown_m = 0.03;
+  Parameters parameters = synthetic::roomParameters();
+  parameters.matching.search_radius_without_velocity_px = 15.0;  // stripes look alike
+  const auto after = [&](int dark_frames) {
+    StereoOdometry odometry(kCamera, parameters);
+    FrameResult result;
+    for (int k = 0; k < kDark + dark_frames + 3; ++k) {
+      const auto shade = [&, k](double x, double y) {
+        return tiles(0.3, x, k < kDark ? y + kDown_m * k : 0.0);
+      };
+      const bool dark = k >= kDark && k < kDark + dark_frames;
+      result = odometry.process(dark ? uniform(0, k) : wall(kDepth_m, 0.0, shade, k));
+      EXPECT_TRUE(allFinite(result)) << k;
+      if (dark && k > kDark + 5) {
+        EXPECT_EQ(result.state, TrackingState::kLost) << k;
+      }
+    }
+    EXPECT_EQ(result.reason, TrackingReason::kWeakMotion);
+    return result;
+  };
+  const FrameResult soon = after(8);
+  EXPECT_NEAR(soon.twist[1], kDown_m / kPeriod_s, 0.1 * kDown_m / kPeriod_s);
+  EXPECT_GT(std::sqrt(soon.twist_covariance(1, 1)), 1.0) << "a velocity of a second ago";
+  const FrameResult late = after(300);
+  EXPECT_GT(late.twist_covariance(1, 1), 100.0 * soon.twist_covariance(1, 1));
+  EXPECT_LT(std::sqrt(late.twist_covariance(1, 1)), parameters.tracking.max_speed_m_s);
 }
 
 TEST(Faults, FarPointsLeaveTheTranslationWeak) {

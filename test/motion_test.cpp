@@ -5,10 +5,12 @@
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
 
 #include "common/thread_pool.h"
+#include "geometry/triangulation.h"
 #include "motion/correspondence.h"
 #include "motion/motion_cost.h"
 #include "motion/motion_estimator.h"
@@ -302,6 +304,42 @@ TEST(EstimateMotion, RemovesOutliers) {
     EXPECT_GE(right_lines, 26) << seed;
     EXPECT_EQ(estimate.num_point_inliers, wrong_points + right_points);
     EXPECT_EQ(estimate.num_line_inliers, wrong_lines + right_lines);
+  }
+}
+
+/// Points of a wall, three of which have a depth that is far too small. A turn suits all of them, a
+/// translation those with the right depth: no residual of the turn shows that the others are wrong.
+TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
+  const StereoCamera camera = synthetic::camera();
+  constexpr double kWall_m = 5.0;
+  constexpr double kSigma_px = 0.15;
+  Isometry3d downwards = Isometry3d::Identity();
+  downwards.translation().y() = -0.03;
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
+    cv::RNG random(seed);
+    const auto noise = [&](double sigma) {
+      return Vector2d(random.gaussian(sigma), random.gaussian(sigma));
+    };
+    Correspondences matches;
+    for (int i = 0; i < 150; ++i) {
+      const Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), kWall_m);
+      const double error_px = i < 3 ? 500.0 : 0.0;  // of the disparity, in both frames
+      const double right_u_px = camera.projectRight(p).x() - error_px;
+      const auto point =
+          triangulatePoint(camera, camera.projectLeft(p), right_u_px, kSigma_px, 0.5);
+      ASSERT_TRUE(point);
+      PointCorrespondence match;
+      match.left_px = camera.projectLeft(downwards * p) + noise(0.05);
+      match.right_px = camera.projectRight(downwards * p) + noise(0.05) - Vector2d(error_px, 0.0);
+      match.sigma_px = kSigma_px;
+      match.p_prev = point->p_camera;
+      match.covariance = point->covariance;
+      matches.points.push_back(match);
+    }
+    const MotionEstimate estimate = estimateMotion(matches, camera, Isometry3d::Identity(), {});
+    expectMotion(estimate, downwards, 0.005);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_FALSE(estimate.point_inliers[i]) << seed;
+    EXPECT_EQ(estimate.num_point_inliers, 147) << seed;
   }
 }
 

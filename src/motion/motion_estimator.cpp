@@ -32,6 +32,14 @@ constexpr double kPredictedPx = 2.0;
 // motion/min_inlier_ratio): the others may belong to something that moves otherwise.
 constexpr double kMinorityShare = 0.5;
 
+// A match with more leverage than this determines a third of an axis by itself.
+constexpr double kHighLeverage = 0.3;
+
+// Limit of a match's squared whitened residual where two motions are compared, and by how much the
+// costs must differ: a match more that agrees with one of them would.
+constexpr double kLimitedCost = 9.0;
+constexpr double kLowerCost = 1.0;
+
 template <ResidualImages kImages>
 MotionEstimate failed(MotionStatus status, const MotionProblem<kImages>& problem, int iterations) {
   MotionEstimate estimate;
@@ -113,6 +121,34 @@ typename MotionProblem<kImages>::SolveResult settleFarPoints(
   return solved;
 }
 
+/// A few matches of high leverage, as points whose stereo match is wrong and that so seem much
+/// nearer than all others, agree with any motion that they have determined: no residual shows that
+/// they are wrong (Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987). Solves
+/// again without them, and keeps that motion if the matches as a whole agree better with it.
+template <ResidualImages kImages>
+typename MotionProblem<kImages>::SolveResult checkLeverage(
+    const typename MotionProblem<kImages>::SolveResult& solved, const MotionParameters& parameters,
+    MotionProblem<kImages>* problem) {
+  if (!solved.usable) return solved;
+  const std::vector<bool> points = problem->pointActive();
+  const std::vector<bool> lines = problem->lineActive();
+  const auto keepFirst = [&] {
+    problem->select(points, lines);
+    return solved;
+  };
+  if (problem->dropLeverage(solved.T_curr_prev, kHighLeverage) == 0) return solved;
+  if (countMatches(*problem).all < parameters.min_inliers) return keepFirst();
+  const auto others = problem->solve(solved.T_curr_prev, {false, kFineTolerance});
+  if (!others.usable) return keepFirst();
+  problem->selectInliers(others.T_curr_prev);
+  auto again = problem->solve(others.T_curr_prev, {false, kFineTolerance});
+  if (!again.usable || problem->limitedCost(again.T_curr_prev, kLimitedCost) >
+                           problem->limitedCost(solved.T_curr_prev, kLimitedCost) - kLowerCost)
+    return keepFirst();
+  again.iterations += solved.iterations + others.iterations;
+  return again;
+}
+
 /// Solves with the active matches, removes outliers, and solves again. Without
 /// motion/remove_outliers they are only reported. Far points agree with any translation: if too few
 /// of the other matches agree, these are dropped, and the translation remains unconstrained.
@@ -137,8 +173,11 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   };
   if (has_both && !areEnough(inliers.near, matches.near, parameters)) return solveWithoutNear();
   if (!again) return finished(*problem, first.T_curr_prev, first.iterations);
-  const auto second = settleFarPoints(problem->solve(first.T_curr_prev, {false, kFineTolerance}),
-                                      first.T_curr_prev, problem->camera().baseline_m, problem);
+  const double baseline_m = problem->camera().baseline_m;
+  const auto with_all = settleFarPoints(problem->solve(first.T_curr_prev, {false, kFineTolerance}),
+                                        first.T_curr_prev, baseline_m, problem);
+  const auto second = settleFarPoints(checkLeverage(with_all, parameters, problem),
+                                      with_all.T_curr_prev, baseline_m, problem);
   const int iterations = first.iterations + second.iterations;
   if (!second.usable) return failed(MotionStatus::kSolverFailed, *problem, iterations);
   if (has_both && !nearAreEnough(*problem, second.T_curr_prev, matches, parameters))

@@ -3,6 +3,7 @@
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <utility>
 #include <vector>
@@ -72,6 +73,33 @@ class MotionProblem {
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     points_.selectNear(T_curr_prev, max_distance_px);
     lines_.selectNear(T_curr_prev, max_distance_px);
+  }
+
+  /// Activates as pointActive() and lineActive() were before.
+  void select(const std::vector<bool>& points, const std::vector<bool>& lines) {
+    points_.select(points);
+    lines_.select(lines);
+  }
+
+  /// Drops the active matches with a leverage above a limit; see WeightedMatches. Returns their
+  /// number.
+  int dropLeverage(const Eigen::Isometry3d& T_curr_prev, double limit) {
+    Matrix6d information = Matrix6d::Zero();
+    const auto add = [&](const auto& residual, const auto& sqrt_information, const auto&) {
+      const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
+      information += J.transpose() * J;
+    };
+    points_.forEachActive(T_curr_prev, add);
+    lines_.forEachActive(T_curr_prev, add);
+    const Eigen::LLT<Matrix6d> root(information);
+    if (root.info() != Eigen::Success) return 0;  // an axis is not constrained
+    const Matrix6d covariance = root.solve(Matrix6d::Identity());
+    return points_.dropLeverage(T_curr_prev, covariance, limit) +
+           lines_.dropLeverage(T_curr_prev, covariance, limit);
+  }
+
+  double limitedCost(const Eigen::Isometry3d& T_curr_prev, double limit) const {
+    return points_.limitedCost(T_curr_prev, limit) + lines_.limitedCost(T_curr_prev, limit);
   }
 
   /// Drops the matches that constrain the translation.

@@ -90,6 +90,39 @@ class WeightedMatches {
   /// Activates all that have a square-root information.
   void selectAll() { active_ = usable_; }
 
+  /// Activates as active() was before.
+  void select(const std::vector<bool>& active) { active_ = active; }
+
+  /// Drops the active matches whose leverage is above a limit: the trace of J C J^T, with the
+  /// whitened Jacobian J by the motion and its covariance C (the leverages of all matches add up to
+  /// 6). Returns their number.
+  int dropLeverage(const Eigen::Isometry3d& T_curr_prev, const Matrix6d& covariance, double limit) {
+    int dropped = 0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!active_[i]) continue;
+      const Residual residual = residualAt(T_curr_prev, i);
+      if (!residual.valid) continue;
+      const auto J = (sqrt_information_[i] * residual.jacobianByMotion()).eval();
+      if ((J * covariance * J.transpose()).trace() <= limit) continue;
+      active_[i] = false;
+      ++dropped;
+    }
+    return dropped;
+  }
+
+  /// Sum of the squared norms of the whitened residuals of all matches, active or not, each at most
+  /// `limit`: low where many agree, however wrong the others are.
+  double limitedCost(const Eigen::Isometry3d& T_curr_prev, double limit) const {
+    double cost = 0.0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!usable_[i]) continue;
+      const Residual residual = residualAt(T_curr_prev, i);
+      const double squared = (sqrt_information_[i] * residual.value).squaredNorm();
+      cost += residual.valid && squared < limit ? squared : limit;
+    }
+    return cost;
+  }
+
   /// Activates the matches whose residual's coordinates are within a distance, and no others.
   void selectNear(const Eigen::Isometry3d& T_curr_prev, double max_distance_px) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
