@@ -35,7 +35,7 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
                                    std::int64_t stamp_ns, double dt_s,
                                    const TrackingParameters& parameters, const MotionPrior* prior) {
   if (tracked.reason == TrackingReason::kFirstFrame) {
-    smoother_.followUnknown(integrator_, dt_s);
+    smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kInitializing;
   }
   if (tracked.reason != TrackingReason::kNone) return predict(stamp_ns, dt_s, parameters, prior);
@@ -43,7 +43,7 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, stamp_ns);
   if (since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
     integrator_.widenVelocity();
-    smoother_.followMean(integrator_, dt_s);
+    smoother_.followUnknown(integrator_, integrator_.twist(), dt_s);
   } else {
     smoother_.followMeasured(integrator_, dt_s, parameters.standstill_hold);
   }
@@ -57,7 +57,7 @@ TrackingState OdometryPose::predict(std::int64_t stamp_ns, double dt_s,
   double max_s = dt_s > parameters.max_frame_gap_s ? 0.0 : parameters.max_prediction_s;
   if (prior != nullptr) max_s = std::max(max_s, parameters.max_prior_prediction_s);
   if (!integrator_.addPrediction(dt_s, stamp_ns, max_s, prior)) {
-    smoother_.followUnknown(integrator_, dt_s);
+    smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kLost;
   }
   smoother_.followPredicted(integrator_, dt_s);

@@ -60,16 +60,11 @@ void PoseSmoother::followPredicted(const PoseIntegrator& estimate, double dt_s) 
   follow(estimate, estimate.twist(), dt_s);
 }
 
-void PoseSmoother::followMean(const PoseIntegrator& estimate, double dt_s) {
+void PoseSmoother::followUnknown(const PoseIntegrator& estimate, const Vector6d& velocity,
+                                 double dt_s) {
   stationary_.reset();
   holds_ = false;
-  follow(estimate, estimate.twist(), dt_s);
-}
-
-void PoseSmoother::followUnknown(const PoseIntegrator& estimate, double dt_s) {
-  stationary_.reset();
-  holds_ = false;
-  follow(estimate, Vector6d::Zero(), dt_s);
+  follow(estimate, velocity, dt_s);
 }
 
 void PoseSmoother::followCorrection(const PoseIntegrator& estimate,

@@ -26,12 +26,9 @@ class PoseSmoother {
   /// After a frame whose motion was predicted.
   void followPredicted(const PoseIntegrator& estimate, double dt_s);
 
-  /// After a time without tracking, of whose motion only the mean velocity is known: the camera may
-  /// no longer be stationary.
-  void followMean(const PoseIntegrator& estimate, double dt_s);
-
-  /// After a frame whose motion is unknown: the camera may no longer be stationary.
-  void followUnknown(const PoseIntegrator& estimate, double dt_s);
+  /// After a frame or a time whose motion is unknown: the camera may no longer be stationary.
+  /// \param velocity its mean, or zero.
+  void followUnknown(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s);
 
   /// After the estimate was moved by a correction: the pose is kept, and takes it up gradually.
   void followCorrection(const PoseIntegrator& estimate, const Eigen::Isometry3d& T_correction);
