@@ -8,12 +8,11 @@
 #include "motion/motion_consensus.h"
 #include "motion/observations.h"
 #include "odometry/correspondences.h"
+#include "odometry/motion_prediction.h"
 #include "odometry/uncertainty.h"
 
 namespace point_line_odometry {
 namespace {
-
-constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
 
 // If the map gives fewer matches than this share of those with the previous frame, these are used,
 // too.
@@ -98,41 +97,6 @@ bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matc
                        const MotionEstimate& motion) {
   return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognized &&
          shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
-}
-
-bool isCurrent(const std::optional<CameraVelocity>& velocity) {
-  return velocity && velocity->is_current;
-}
-
-/// Of a motion of which only the limits of the camera's speed are known.
-Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits) {
-  Matrix6d covariance = Matrix6d::Zero();
-  covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
-  covariance.diagonal().tail<3>().setConstant(
-      std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
-  return covariance;
-}
-
-/// The motion over a time by the last velocity, measured before `unmeasured_s`, and a prior.
-PredictedMotion expectedMotion(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
-                               const MotionPrior* prior) {
-  const Matrix6d covariance = dt_s * dt_s * velocity.covariance +
-                              predictionCovariance(velocity.value, true, dt_s, unmeasured_s);
-  return predictedMotion(velocity.value, covariance, dt_s, prior);
-}
-
-/// The same by a velocity that is not current: the older it is, the more the limits count.
-PredictedMotion expectedMotion(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
-                               const TrackingParameters& limits) {
-  MotionPrior within_limits;
-  within_limits.information.diagonal() = covarianceByLimits(dt_s, limits).diagonal().cwiseInverse();
-  return expectedMotion(velocity, dt_s, unmeasured_s, &within_limits);
-}
-
-/// Without a velocity.
-PredictedMotion expectedMotion(double dt_s, const TrackingParameters& limits,
-                               const MotionPrior* prior) {
-  return predictedMotion(Vector6d::Zero(), covarianceByLimits(dt_s, limits), dt_s, prior);
 }
 
 TrackingReason trackingReason(MotionStatus status) {
@@ -404,17 +368,10 @@ MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expe
 /// already: it is not counted twice.
 void FrameTracker::constrainWeakAxes(const StereoFrame& curr, TrackingResult* tracked) const {
   if (!parameters_.motion.predict_weak_axes || !tracked->motion.ok()) return;
-  const TrackingParameters& limits = parameters_.tracking;
   const double dt_s = toSeconds(curr.stamp_ns - history_.previous->stamp_ns);
-  PredictedMotion expected;
-  if (isCurrent(velocity_)) {
-    expected = expectedMotion(*velocity_, dt_s, dt_s, nullptr);
-  } else if (velocity_) {
-    const double unmeasured_s = toSeconds(curr.stamp_ns - velocity_->stamp_ns);
-    expected = expectedMotion(*velocity_, dt_s, unmeasured_s, limits);
-  } else {
-    expected = expectedMotion(dt_s, limits, nullptr);
-  }
+  const double unmeasured_s = velocity_ ? toSeconds(curr.stamp_ns - velocity_->stamp_ns) : dt_s;
+  const PredictedMotion expected =
+      expectedMotion(velocity_, dt_s, unmeasured_s, parameters_.tracking);
   tracked->weak =
       constrainByPrediction(expected.T_prev_curr, expected.covariance, &tracked->motion);
 }
@@ -426,20 +383,6 @@ TrackingReason FrameTracker::reasonOf(const MotionEstimate& motion, double dt_s)
       velocity.head<3>().norm() > parameters_.tracking.max_speed_m_s ||
       velocity.tail<3>().norm() * 180.0 / M_PI > parameters_.tracking.max_turn_rate_deg_s;
   return too_fast ? TrackingReason::kTooFast : TrackingReason::kNone;
-}
-
-MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
-                               const Parameters& parameters, const MotionPrior* prior) {
-  MotionPrediction prediction;
-  if (isCurrent(velocity)) {
-    prediction.T_curr_prev = expectedMotion(*velocity, dt_s, dt_s, prior).T_prev_curr.inverse();
-    const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
-    prediction.radius_px = widening * parameters.matching.search_radius_px;
-  } else {
-    prediction.T_curr_prev = expectedMotion(dt_s, parameters.tracking, prior).T_prev_curr.inverse();
-    prediction.radius_px = parameters.matching.search_radius_without_velocity_px;
-  }
-  return prediction;
 }
 
 }  // namespace point_line_odometry

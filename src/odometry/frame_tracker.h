@@ -71,11 +71,6 @@ struct ReferencePoints {
   std::vector<StereoDescriptor> descriptors;
 };
 
-/// Motion over a time at constant velocity, if it is current, fused with a prior (null: none), and
-/// the search radius; without either none.
-MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
-                               const Parameters& parameters, const MotionPrior* prior);
-
 /// Estimates the motion of one frame since the previous one: matches it with the previous frame,
 /// with the frame before that if rotations are fused, and with the landmarks of the map.
 class FrameTracker {

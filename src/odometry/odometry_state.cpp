@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "map/new_landmarks.h"
+#include "odometry/motion_prediction.h"
 #include "odometry/stage_timer.h"
 
 namespace point_line_odometry {

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+
+#include "matching/expected_features.h"
+#include "odometry/pose_integrator.h"
+#include "odometry/uncertainty.h"
+#include "point_line_odometry/motion_prior.h"
+#include "point_line_odometry/parameters.h"
+
+namespace point_line_odometry {
+
+bool isCurrent(const std::optional<CameraVelocity>& velocity);
+
+/// Motion over a time at the last velocity. Where it is not current, it is fused with the limits of
+/// the camera's speed, which count the more the older it is; without one they are all that is
+/// known. \param unmeasured_s since the velocity was measured, if it is not current.
+PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                               double unmeasured_s, const TrackingParameters& limits);
+
+/// Motion over a time at constant velocity, if it is current, fused with a prior (null: none), and
+/// the search radius; without either none.
+MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                               const Parameters& parameters, const MotionPrior* prior);
+
+}  // namespace point_line_odometry
