@@ -55,16 +55,32 @@ link_package() {
   done
 }
 
+# Sets `launcher`, CMake's option that compiles with ccache where it is installed. Another clone, and
+# another workspace with the same folders below it, find what one has compiled.
+use_ccache() {
+  launcher=()
+  if command -v ccache >/dev/null; then
+    launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+    export CCACHE_BASEDIR=$repository CCACHE_NOHASHDIR=1
+  fi
+}
+
+# Flags of scripts/fuzz and scripts/sanitize, and the compiler of the former, whose workspace the short
+# form of the latter uses. What is left out are instructions for every access to a member, which
+# double the time to compile; a bad pointer is found by AddressSanitizer anyway.
+# shellcheck disable=SC2034
+clang_options=(-DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DPOINT_LINE_ODOMETRY_FUZZ=ON)
+address_flags='-fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all'
+address_flags+=' -fno-sanitize=alignment,null,object-size,vptr -D_GLIBCXX_ASSERTIONS'
+
 # catkin_make in the workspace, which is made if need be; the arguments are catkin_make's.
 catkin_in_workspace() {
   local options=(-DCMAKE_BUILD_TYPE=Release -DPYTHON_EXECUTABLE=/usr/bin/python3)
   options+=(-DCMAKE_EXPORT_COMPILE_COMMANDS=ON)  # for clang-tidy
   # Debian 11's GMock is not found any more when catkin runs CMake a second time.
   options+=(-DCMAKE_DISABLE_FIND_PACKAGE_GMock=ON)
-  if command -v ccache >/dev/null; then
-    options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
-    export CCACHE_BASEDIR=$repository CCACHE_NOHASHDIR=1  # another clone finds the same
-  fi
+  use_ccache
+  options+=("${launcher[@]}")
   link_package
   # CMake refuses a build folder that has been moved or copied with the repository.
   local cache=$workspace/build/CMakeCache.txt

@@ -19,7 +19,7 @@ import yaml
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
-import test_doctor
+from doctor_fixture import SUBJECTS, parse
 from document_fixture import (DOCUMENTS, REPOSITORY, anchors, blocks, code_spans, commands, links,
                               read_document)
 from ros_fixture import RosTest, wait_until
@@ -186,7 +186,7 @@ class NameTest(unittest.TestCase):
     def test_report_of_the_doctor(self):
         reports = [block for block in blocks("doc/doctor.md", "text") if "left image" in block]
         self.assertEqual(len(reports), 1)
-        self.assertEqual(list(test_doctor.parse(reports[0])), test_doctor.SUBJECTS)
+        self.assertEqual(list(parse(reports[0])), SUBJECTS)
 
 
 class CommandTest(unittest.TestCase):
@@ -373,8 +373,7 @@ class LiveCommandTest(RosTest):
         self.assertTrue(wait_until(lambda: (base, camera, x) in found), found)
 
     def run_doctor(self, command):
-        self.assertEqual(list(test_doctor.parse(self.execute(command, (0, 1)))),
-                         test_doctor.SUBJECTS)
+        self.assertEqual(list(parse(self.execute(command, (0, 1)))), SUBJECTS)
 
     def check_calibration(self, command):
         self.assertIn("the calibration agrees with the images", self.execute(command))

@@ -1,0 +1,42 @@
+"""Reads the doctor's reports."""
+
+import re
+
+LINE = re.compile(r"^(ok|\?|WARN|ERROR)\s+(left image|right image|left camera_info|"
+                  r"right camera_info|\S+)\s+(.*)$")
+SUBJECTS_OF_NODE = ["left image", "right image", "left camera_info", "right camera_info", "stamps",
+                    "images", "calibration", "baseline", "rectification", "disparity", "tf",
+                    "speed", "clock"]
+SUBJECTS = SUBJECTS_OF_NODE[:-3] + ["trigger", "shutter", "projector"] + SUBJECTS_OF_NODE[-3:]
+SUBJECTS_WITH_IMU = SUBJECTS[:-2] + ["imu"] + SUBJECTS[-2:]
+
+
+def parse(report):
+    """Subject: (level, text with the hint)."""
+    lines = {}
+    for row in report.splitlines():
+        match = LINE.match(row)
+        if match:
+            level, subject, text = match.groups()
+            lines[subject] = (level, text)
+        elif row.startswith(" ") and "-> " in row:
+            level, text = lines[subject]
+            lines[subject] = (level, text + " -> " + row.partition("-> ")[2])
+    return lines
+
+
+class ReportChecks:
+    subjects = SUBJECTS
+
+    def check(self, report, failed):
+        """failed: {subject: (level, words, ...)}; all other lines must not have failed."""
+        lines = parse(report)
+        self.assertEqual(list(lines), self.subjects, report)
+        for subject, (level, text) in lines.items():
+            if subject not in failed:
+                self.assertIn(level, ("ok", "?"), subject + ": " + text)
+                continue
+            self.assertEqual(level, failed[subject][0], subject + ": " + text)
+            for words in failed[subject][1:]:
+                self.assertIn(words, text)
+            self.assertIn(" -> ", text, "a failed line has a hint")
