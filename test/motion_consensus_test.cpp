@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "synthetic_scene.h"
 
@@ -155,6 +156,58 @@ TEST(FindConsensus, WrongMatchesAloneGiveNone) {
     EXPECT_FALSE(findConsensus(mixedMatches(farMotion(), 0, 60, seed), synthetic::camera()))
         << seed;
   }
+}
+
+/// Matches of points some hundred metres away, of a camera that turns by 10 degrees, `right` of
+/// `all`, evenly distributed.
+std::vector<PointCorrespondence> farMatches(const Isometry3d& T_curr_prev, int right, int all,
+                                            unsigned seed) {
+  const StereoCamera camera = synthetic::camera();
+  synthetic::Random random(seed);
+  std::vector<PointCorrespondence> matches;
+  for (int i = 0; i < all; ++i) {
+    const bool is_right = (i + 1) * right / all > i * right / all;
+    const Vector3d p_curr = random.uniform(50.0, 100.0) * synthetic::visiblePoint(camera, &random);
+    const Vector3d elsewhere = 50.0 * synthetic::visiblePoint(camera, &random);
+    PointCorrespondence match;
+    match.p_prev = T_curr_prev.inverse() * p_curr;
+    match.left_px = camera.projectLeft(is_right ? p_curr : elsewhere).array().round();
+    match.right_px = camera.projectRight(is_right ? p_curr : elsewhere).array().round();
+    match.far = true;
+    matches.push_back(match);
+  }
+  return matches;
+}
+
+TEST(FindRotation, IsFoundAmongWrongMatches) {
+  const Isometry3d ground_truth =
+      synthetic::transform(10.0 * M_PI / 180.0 * Vector3d(0.8, 0.6, 0.0), {0.2, 0.0, -4.8});
+  const Vector3d position = ground_truth.inverse().translation();
+  const Vector3d known_roughly = position + Vector3d(0.1, -0.2, 0.5);
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 5U}) {
+    for (const auto& [right, all] : {std::pair(100, 100), std::pair(20, 110)}) {
+      const auto consensus = findRotation(farMatches(ground_truth, right, all, seed),
+                                          synthetic::camera(), known_roughly);
+      ASSERT_TRUE(consensus) << seed;
+      const Isometry3d& found = consensus->T_curr_prev;
+      const Eigen::Matrix3d error = found.linear() * ground_truth.linear().transpose();
+      EXPECT_LT(Eigen::AngleAxisd(error).angle(), 0.02) << seed;
+      EXPECT_LT((found.inverse().translation() - known_roughly).norm(), 1e-9) << seed;
+      EXPECT_GE(consensus->num_inliers, 0.7 * right) << seed;
+      EXPECT_LE(consensus->num_inliers, right + 1) << seed;
+    }
+  }
+}
+
+TEST(FindRotation, NeedsPointsInDifferentDirections) {
+  const StereoCamera camera = synthetic::camera();
+  EXPECT_FALSE(findRotation({}, camera, Vector3d::Zero()));
+  EXPECT_FALSE(findRotation(farMatches(Isometry3d::Identity(), 0, 60, 1), camera, {0.0, 0.0, 0.0}));
+  auto matches = farMatches(Isometry3d::Identity(), 40, 40, 1);
+  for (PointCorrespondence& match : matches) match = matches.front();
+  EXPECT_FALSE(findRotation(matches, camera, Vector3d::Zero()));
+  for (PointCorrespondence& match : matches) match.p_prev.setConstant(kNaN);
+  EXPECT_FALSE(findRotation(matches, camera, Vector3d::Zero()));
 }
 
 // --- Degenerate matches

@@ -385,12 +385,13 @@ class LittleInView(ErrorTest):
     """On top of a hill only clouds and the skyline are seen for seconds."""
 
     def test_translation_is_predicted(self):
-        # Every 4th frame: lost for 0.8 s, and 14.2 m wrong where the velocity of before was not used.
+        # Every 4th frame. Where far points gave no rotation, it was lost for 0.8 s; 14.2 m wrong where
+        # the velocity of before was not used then.
         summary, errors = self.scores("synthetic:street,hill=1,seed=1,frames=120", every=4)
         print(f"\n{summary['states']}, ATE {errors['ate_m']:.4g} m", flush=True)
         self.assertEqual(errors["matched_frames"], 30)
-        self.assertLess(errors["ate_m"], 0.5)  # measured 0.163
-        self.assertGreater(summary["states"]["ok"], 15)  # measured 22
+        self.assertLess(errors["ate_m"], 0.5)  # measured 0.284
+        self.assertGreater(summary["states"]["ok"], 15)  # measured 25
 
 
 class OwnStandardDeviations(unittest.TestCase):

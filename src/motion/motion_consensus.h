@@ -22,6 +22,13 @@ struct MotionConsensus {
 std::optional<MotionConsensus> findConsensus(const std::vector<PointCorrespondence>& matches,
                                              const StereoCamera& camera);
 
+/// The same from matches of points too far for a depth, which constrain the rotation only: RANSAC
+/// over two matches, with the current camera at a position of the previous camera's frame that is
+/// known roughly [m].
+std::optional<MotionConsensus> findRotation(const std::vector<PointCorrespondence>& far_matches,
+                                            const StereoCamera& camera,
+                                            const Eigen::Vector3d& position_prev);
+
 constexpr int kMinConsensus = 8;
 
 }  // namespace point_line_odometry

@@ -27,6 +27,10 @@ constexpr double kShareFound = 0.25;
 // moves otherwise is not.
 constexpr double kShareOfScene = 0.1;
 
+// Of the search radius, around points predicted by a rotation that far points agree on within a few
+// pixels: clouds and a sky's noise give many wrong matches.
+constexpr double kRadiusOfRotation = 0.3;
+
 // Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
 // found from frame to frame.
 constexpr int kMinRecognized = 20;
@@ -69,12 +73,12 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
-/// The points with a depth.
-ReferencePoints referencePoints(const StereoFrame& frame) {
+/// The points with a depth, or those too far for one.
+ReferencePoints referencePoints(const StereoFrame& frame, bool far) {
   ReferencePoints known;
   const std::vector<StereoDescriptor> descriptors = stereoDescriptors(frame);
   for (std::size_t i = 0; i < frame.points.size(); ++i) {
-    if (frame.points[i].far) continue;
+    if (frame.points[i].far != far) continue;
     known.descriptors.push_back(descriptors[i]);
     known.positions.push_back(frame.points[i].triangulated.p_camera);
   }
@@ -166,7 +170,10 @@ TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
   const StageTimer timer(times_, Stage::kMap);
   if (!history_.map || curr.points.size() < kMinConsensus) return tracked;
   const LocalMap& map = *history_.map;
-  std::optional<Eigen::Isometry3d> T_curr_previous = matchWholeImage(referencePoints(map), curr);
+  const std::optional<MotionConsensus> consensus =
+      findConsensus(matchWholeImage(referencePoints(map), curr), context_.camera);
+  std::optional<Eigen::Isometry3d> T_curr_previous;
+  if (consensus) T_curr_previous = consensus->T_curr_prev;
   // The consensus is accurate to a few pixels, so that the first round finds only some landmarks.
   for (int round = 0; round < kRelocalizationRounds && T_curr_previous; ++round) {
     tracked.landmark_matches =
@@ -227,21 +234,41 @@ TrackingResult FrameTracker::trackFrameToFrame(const StereoFrame& curr,
 }
 
 /// Matches near the prediction, and where that finds few of the features in view, in the whole
-/// image.
+/// image: first points with a depth, and if that gives no motion those too far for one.
 TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
                                               const Expectation& expected, const Stages& stages,
                                               ThreadPool* threads) const {
   TrackingResult tracked = matchAndEstimateNear(earlier, curr, expected, stages, threads);
   if (!parameters_.matching.wide_search) return tracked;
-  const double found =
-      shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame);
-  if (found >= kShareFound) return tracked;
-  const std::optional<Eigen::Isometry3d> T_curr_earlier =
-      matchWholeImage(referencePoints(earlier), curr);
-  if (!T_curr_earlier) return tracked;
-  const Expectation by_appearance{{*T_curr_earlier, parameters_.matching.search_radius_px},
+  if (shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame) >=
+      kShareFound)
+    return tracked;
+  tracked = matchAndEstimateByNear(tracked, earlier, curr, expected, stages, threads);
+  if (tracked.frame_to_frame.ok()) return tracked;
+  const std::optional<MotionConsensus> turned =
+      findRotation(matchWholeImage(referencePoints(earlier, true), curr), context_.camera,
+                   expected.prediction.T_curr_prev.inverse().translation());
+  if (!turned) return tracked;
+  const Expectation by_far{
+      {turned->T_curr_prev, kRadiusOfRotation * parameters_.matching.search_radius_px},
+      expected.prior};
+  TrackingResult retried = matchAndEstimateNear(earlier, curr, by_far, stages, threads);
+  return retried.frame_to_frame.ok() ? retried : tracked;
+}
+
+/// What points with a depth give that are matched in the whole image, if it is better than
+/// `tracked`.
+TrackingResult FrameTracker::matchAndEstimateByNear(
+    const TrackingResult& tracked, const StereoFrame& earlier, const StereoFrame& curr,
+    const Expectation& expected, const Stages& stages, ThreadPool* threads) const {
+  const std::optional<MotionConsensus> consensus =
+      findConsensus(matchWholeImage(referencePoints(earlier, false), curr), context_.camera);
+  if (!consensus) return tracked;
+  const Expectation by_appearance{{consensus->T_curr_prev, parameters_.matching.search_radius_px},
                                   expected.prior};
   TrackingResult retried = matchAndEstimateNear(earlier, curr, by_appearance, stages, threads);
+  const double found =
+      shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame);
   const double found_retried =
       shareFound(earlier, context_.camera, retried.correspondences, retried.frame_to_frame);
   if (found >= kShareOfScene && isPlausible(tracked.frame_to_frame, expected, earlier, curr) &&
@@ -250,8 +277,8 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
   return found_retried > found ? retried : tracked;
 }
 
-/// RANSAC consensus of the points that match by appearance.
-std::optional<Eigen::Isometry3d> FrameTracker::matchWholeImage(const ReferencePoints& known,
+/// The points that match by appearance.
+std::vector<PointCorrespondence> FrameTracker::matchWholeImage(const ReferencePoints& known,
                                                                const StereoFrame& curr) const {
   std::vector<PointCorrespondence> points;
   for (const IndexPair& match :
@@ -261,9 +288,7 @@ std::optional<Eigen::Isometry3d> FrameTracker::matchWholeImage(const ReferencePo
                                        context_.correction),
                       known.positions[match.first]});
   }
-  const std::optional<MotionConsensus> consensus = findConsensus(points, context_.camera);
-  if (!consensus) return std::nullopt;
-  return consensus->T_curr_prev;
+  return points;
 }
 
 TrackingResult FrameTracker::matchAndEstimateNear(const StereoFrame& earlier,

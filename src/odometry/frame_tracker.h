@@ -116,10 +116,13 @@ class FrameTracker {
   TrackingResult matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
                                   const Expectation& expected, const Stages& stages,
                                   ThreadPool* threads) const;
+  TrackingResult matchAndEstimateByNear(const TrackingResult& tracked, const StereoFrame& earlier,
+                                        const StereoFrame& curr, const Expectation& expected,
+                                        const Stages& stages, ThreadPool* threads) const;
   TrackingResult matchAndEstimateNear(const StereoFrame& earlier, const StereoFrame& curr,
                                       const Expectation& expected, const Stages& stages,
                                       ThreadPool* threads) const;
-  std::optional<Eigen::Isometry3d> matchWholeImage(const ReferencePoints& known,
+  std::vector<PointCorrespondence> matchWholeImage(const ReferencePoints& known,
                                                    const StereoFrame& curr) const;
   void trackLocalMap(const StereoFrame& curr, const Expectation& expected,
                      TrackingResult* tracked) const;
