@@ -19,8 +19,8 @@ from tool_fixture import find_program, run
 LIVE_S = 60.0
 
 
-class LiveTest(unittest.TestCase, ReportChecks):
-    """A roscore of its own, the synthetic camera, the tool and the nodelet."""
+class SystemTest(unittest.TestCase):
+    """With a roscore of its own."""
 
     @classmethod
     def setUpClass(cls):
@@ -29,6 +29,14 @@ class LiveTest(unittest.TestCase, ReportChecks):
         cls.system = local_host(cls.folder)
         cls.addClassCleanup(cls.system.close)
         cls.system.start_roscore()
+
+
+class LiveTest(SystemTest, ReportChecks):
+    """The synthetic camera, the tool and the nodelet."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
         cls.camera = cls.system.start(
             [find_program("synthetic_stereo"), "__ns:=stereo", "__name:=camera", "_scene:=street",
              "_wait_for_subscribers:=false", "_frame_rate_hz:=2"], "camera")
@@ -145,7 +153,7 @@ class LiveTest(unittest.TestCase, ReportChecks):
         self.assertIn("images are not rectified", log)
 
 
-class SideBySideTest(unittest.TestCase):
+class SideBySideTest(SystemTest):
     """A USB camera that shows both images in one, which the nodelet SideBySide cuts in two."""
 
     # Moves the images by some columns, as a driver that begins in the middle of a row.
@@ -165,11 +173,7 @@ rospy.spin()
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="point_line_doctor_")
-        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
-        cls.system = local_host(cls.folder)
-        cls.addClassCleanup(cls.system.close)
-        cls.system.start_roscore()
+        super().setUpClass()
         cls.system.start([find_program("synthetic_stereo"), "__name:=camera", "_as:=stereo_usb",
                           "_scene:=indoor", "_wait_for_subscribers:=false", "_frame_rate_hz:=3"],
                          "camera")
