@@ -23,14 +23,10 @@ constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [gre
 constexpr float kLeastResidual = 1.0F;  // sensor noise
 
 // Gaussian prior of the slopes about zero: its standard deviation, relative to a noise of the
-// brightness [grey levels]. To that adds the error of interpolation where the brightness changes in
-// steps, as at the edges of tiles and bricks: about this share of the gradient beyond one that
-// noise may make, in energy. Slopes would fit that error otherwise, and move such edges by up to 2
-// px. A patch with a larger residual than kMaxSlantedResidual is not of one plane.
+// brightness [grey levels]. A patch with a larger residual than kMaxSlantedResidual is not of one
+// plane.
 constexpr float kSlopeDeviation = 0.2F;
 constexpr float kSlopeNoise = 5.0F;
-constexpr float kInterpolationError = 0.5F;
-constexpr float kNoisyGradient2 = 150.0F;    // [(grey levels / px)^2]
 constexpr float kMaxSlantedResidual = 8.0F;  // RMS [grey levels]
 
 using Patch = PatchAligner::Patch;
@@ -140,22 +136,6 @@ double PatchAligner::noise(float residual) const {
   return std::max(residual, kLeastResidual) * std::sqrt(0.5F * inverse_hessian_.trace());
 }
 
-/// Information of each slope, for a residual in grey levels.
-float PatchAligner::slopePrior() const {
-  Patch gx2{};  // the last column is unused
-  for (int r = 0; r < kSide; ++r) {
-    for (int c = 0; c < kSide; ++c) {
-      const float gx = gx_[r * kPitch + c] + mean_gx_;
-      gx2[r * kPitch + c] = gx * gx;
-    }
-  }
-  const float sum = std::accumulate(gx2.begin(), gx2.end(), 0.0F);
-  const float energy = dot(gx2, gx2) / std::max(sum, 1.0F);  // of the gradients, weighted by itself
-  const float error2 =
-      kInterpolationError * kInterpolationError * std::max(0.0F, energy - kNoisyGradient2);
-  return (kSlopeNoise * kSlopeNoise + error2) / (kSlopeDeviation * kSlopeDeviation);
-}
-
 std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
                                                        const Eigen::Vector2f& initial_px) const {
   if (!usable_) return std::nullopt;
@@ -170,12 +150,12 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   }
   for (Patch& values : J_slope) centre(&values);
   const std::array<const Patch*, 4> J{&gx_, &gy_, J_slope.data(), &J_slope[1]};
-  const float prior = slopePrior();
+  constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
   const Eigen::Vector4f Jt_template = vectorOf(dots(J, brightness_));
   Eigen::Matrix4f hessian;
   for (int i = 0; i < 4; ++i) hessian.col(i) = vectorOf(dots(J, *J[i]));
-  hessian(2, 2) += prior;
-  hessian(3, 3) += prior;
+  hessian(2, 2) += kPrior;
+  hessian(3, 3) += kPrior;
   const Eigen::Matrix4f inverse_hessian = hessian.inverse();
 
   AlignedPatch seen{initial_px};
@@ -183,7 +163,7 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!sampleSlantedPatch(target, seen, &values)) return std::nullopt;
     Eigen::Vector4f b = vectorOf(dots(J, values)) - Jt_template;
-    b.tail<2>() += prior * seen.slope;
+    b.tail<2>() += kPrior * seen.slope;
     const Eigen::Vector4f step = inverse_hessian * b;
     // Inverse compositional update: the warp so far, composed with the inverse of the step.
     const float narrowed = 1.0F / (1.0F + step[2]);

@@ -48,7 +48,6 @@ class PatchAligner {
 
  private:
   void prepare(const WidePatch& wide);
-  float slopePrior() const;
   float residual(Patch* values) const;  // RMS [grey levels]; spoils the values
   double noise(float residual) const;   // of a coordinate [px]
 
