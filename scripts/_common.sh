@@ -56,7 +56,7 @@ link_package() {
 }
 
 # Sets `launcher`, CMake's option that compiles with ccache where it is installed. Another clone, and
-# another workspace with the same folders below it, find what one has compiled.
+# another workspace whose programs are built as deep below the repository, find what one has compiled.
 use_ccache() {
   launcher=()
   if command -v ccache >/dev/null; then

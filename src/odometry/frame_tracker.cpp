@@ -243,7 +243,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
   if (shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame) >=
       kShareFound)
     return tracked;
-  tracked = matchAndEstimateByNear(tracked, earlier, curr, expected, stages, threads);
+  tracked = matchAndEstimateByConsensus(tracked, earlier, curr, expected, stages, threads);
   if (tracked.frame_to_frame.ok()) return tracked;
   const std::optional<MotionConsensus> turned =
       findRotation(matchWholeImage(referencePoints(earlier, true), curr), context_.camera,
@@ -258,7 +258,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
 
 /// What points with a depth give that are matched in the whole image, if it is better than
 /// `tracked`.
-TrackingResult FrameTracker::matchAndEstimateByNear(
+TrackingResult FrameTracker::matchAndEstimateByConsensus(
     const TrackingResult& tracked, const StereoFrame& earlier, const StereoFrame& curr,
     const Expectation& expected, const Stages& stages, ThreadPool* threads) const {
   const std::optional<MotionConsensus> consensus =

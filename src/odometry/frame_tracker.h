@@ -116,9 +116,10 @@ class FrameTracker {
   TrackingResult matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
                                   const Expectation& expected, const Stages& stages,
                                   ThreadPool* threads) const;
-  TrackingResult matchAndEstimateByNear(const TrackingResult& tracked, const StereoFrame& earlier,
-                                        const StereoFrame& curr, const Expectation& expected,
-                                        const Stages& stages, ThreadPool* threads) const;
+  TrackingResult matchAndEstimateByConsensus(const TrackingResult& tracked,
+                                             const StereoFrame& earlier, const StereoFrame& curr,
+                                             const Expectation& expected, const Stages& stages,
+                                             ThreadPool* threads) const;
   TrackingResult matchAndEstimateNear(const StereoFrame& earlier, const StereoFrame& curr,
                                       const Expectation& expected, const Stages& stages,
                                       ThreadPool* threads) const;
