@@ -130,9 +130,10 @@ inline PointCorrespondence pointMatch(const StereoCamera& camera,
     return Eigen::Vector2d(p + random->normals<2>(options.noise_px));
   };
   const Eigen::Vector3d p = visiblePoint(camera, random);
-  const auto triangulated =
-      triangulatePoint(camera, noisy(camera.projectLeft(p)), noisy(camera.projectRight(p)).x(),
-                       options.sigma_px, 0.1);
+  // Noise is drawn in statements of their own: compilers differ in the order of arguments.
+  const Eigen::Vector2d right_px = noisy(camera.projectRight(p));
+  const Eigen::Vector2d left_px = noisy(camera.projectLeft(p));
+  const auto triangulated = triangulatePoint(camera, left_px, right_px.x(), options.sigma_px, 0.1);
   PointCorrespondence match;
   match.p_prev = triangulated.value().p_camera;
   match.covariance = triangulated->covariance;
