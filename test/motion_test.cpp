@@ -70,22 +70,36 @@ TEST_F(MotionCostOfMany, SumsAreThoseOfTheResiduals) {
   MotionEquations expected;
   const Matrix6d to_parameters = moved_.perturbationByParameters();
   int residuals = 0;
+  int weighted = 0;
   const Cost cost(points_, lines_, 1.5);
   for (int part = 0; part < Cost::kParts; ++part) {
-    EXPECT_TRUE(cost.forEachResidual(moved_.toIsometry(), part, [&](const auto& r, const auto& J) {
-      const auto J_parameters = (J * to_parameters).eval();
-      ++residuals;
-      expected.squares += r.squaredNorm();
-      expected.gradient += J_parameters.transpose() * r;
-      expected.information += J_parameters.transpose() * J_parameters;
-    }));
+    EXPECT_TRUE(cost.forEachResidual(
+        moved_.toIsometry(), part, [&](const auto& r, const auto& J, const HuberLoss& loss) {
+          const auto J_parameters = (J * to_parameters).eval();
+          ++residuals;
+          weighted += loss.weight < 1.0 ? 1 : 0;
+          expected.cost += loss.cost;
+          expected.gradient += loss.weight * J_parameters.transpose() * r;
+          expected.information += loss.weight * J_parameters.transpose() * J_parameters;
+        }));
   }
   EXPECT_EQ(residuals, 40);
+  EXPECT_GT(weighted, 0);
   const std::optional<MotionEquations> equations = cost(moved_);
   ASSERT_TRUE(equations);
-  EXPECT_NEAR(equations->squares / expected.squares, 1.0, 1e-12);
+  EXPECT_NEAR(equations->cost / expected.cost, 1.0, 1e-12);
   EXPECT_TRUE(equations->gradient.isApprox(expected.gradient, 1e-9));
   EXPECT_TRUE(equations->information.isApprox(expected.information, 1e-12));
+}
+
+/// Where all residuals are far beyond delta, as after a wrong prediction, too.
+TEST_F(MotionCostOfMany, GaussNewtonStepFromFarAwayDescends) {
+  const Cost cost(points_, lines_, 1.5);
+  const MotionEquations before = *cost(moved_);
+  EXPECT_GT(before.cost, 40 * 10.0 * HuberLoss(1.5 * 1.5, 1.5).cost);
+  const Vector6d step = before.information.ldlt().solve(before.gradient);
+  const MotionVector after{moved_.rotation - step.head<3>(), moved_.translation - step.tail<3>()};
+  EXPECT_LT(cost(after)->cost, 0.2 * before.cost);
 }
 
 TEST_F(MotionCostOfMany, ThreadsChangeNothing) {
@@ -93,7 +107,7 @@ TEST_F(MotionCostOfMany, ThreadsChangeNothing) {
   for (const int num_threads : {1, 2, 3}) {
     ThreadPool threads(num_threads);
     const MotionEquations shared = *Cost(points_, lines_, 1.5, &threads)(moved_);
-    EXPECT_EQ(shared.squares, alone.squares);
+    EXPECT_EQ(shared.cost, alone.cost);
     EXPECT_EQ(shared.gradient, alone.gradient);
     EXPECT_EQ(shared.information, alone.information);
   }
@@ -115,7 +129,7 @@ TEST_F(MotionCostOfMany, SevenResidualsHaveItsCostGradientAndNormalEquations) {
   const MotionEquations equations = *cost(moved_);
   Vector6d from_start;
   from_start << moved_.rotation - start_.rotation, moved_.translation - start_.translation;
-  EXPECT_NEAR(r.squaredNorm() / (equations.squares + from_start.squaredNorm()), 1.0, 1e-12);
+  EXPECT_NEAR(r.squaredNorm() / (2.0 * equations.cost + from_start.squaredNorm()), 1.0, 1e-12);
   EXPECT_TRUE((J.transpose() * r).isApprox(equations.gradient + from_start, 1e-9));
   EXPECT_TRUE((J.transpose() * J).isApprox(equations.information + Matrix6d::Identity(), 1e-12));
 
@@ -135,7 +149,7 @@ TEST_F(MotionCostOfMany, SevenResidualsHaveItsCostGradientAndNormalEquations) {
   const double* at_start[] = {start_.rotation.data(), start_.translation.data()};
   Eigen::Matrix<double, 7, 1> r_start;
   ASSERT_TRUE(reduced.Evaluate(at_start, r_start.data(), nullptr));
-  EXPECT_NEAR(r_start.squaredNorm() / cost(start_)->squares, 1.0, 1e-9);
+  EXPECT_NEAR(r_start.squaredNorm() / (2.0 * cost(start_)->cost), 1.0, 1e-9);
   EXPECT_GT(r.squaredNorm(), 2.0 * r_start.squaredNorm());
 }
 

@@ -351,8 +351,8 @@ TYPED_TEST(MotionCostTest, AgreesWithNumericDerivatives) {
       std::vector<double> values;
       J_parameters.resize(0, 6);
       for (int part = 0; part < Cost::kParts; ++part) {
-        EXPECT_TRUE(
-            cost.forEachResidual(motion.toIsometry(), part, [&](const auto& r, const auto& J) {
+        EXPECT_TRUE(cost.forEachResidual(
+            motion.toIsometry(), part, [&](const auto& r, const auto& J, const HuberLoss&) {
               values.insert(values.end(), r.data(), r.data() + r.size());
               J_parameters.conservativeResize(J_parameters.rows() + J.rows(), 6);
               J_parameters.bottomRows(J.rows()) = J * motion.perturbationByParameters();
@@ -364,17 +364,22 @@ TYPED_TEST(MotionCostTest, AgreesWithNumericDerivatives) {
     const Eigen::MatrixXd J = J_parameters;
     ASSERT_GE(J.rows(), 16);
     EXPECT_LT(jacobianError(J, 6, residuals), 1e-5);
+    const auto cost_at = [&](const Eigen::VectorXd& d) {
+      const auto equations = cost({rotation + d.head<3>(), translation + d.tail<3>()});
+      return Eigen::VectorXd(Eigen::VectorXd::Constant(1, equations.value().cost));
+    };
+    EXPECT_LT(jacobianError(cost({rotation, translation})->gradient.transpose(), 6, cost_at), 1e-5);
   }
 }
 
-TEST(HuberScale, SquareOfTheScaledResidualIsHubersFunction) {
-  for (const double norm : {0.0, 0.7, 1.5, 1.6, 4.0, 1000.0}) {
-    const HuberScale huber(norm * norm, 1.5);
-    const double expected = norm <= 1.5 ? norm * norm : 2.0 * 1.5 * norm - 1.5 * 1.5;
-    EXPECT_NEAR(huber.scale * huber.scale * norm * norm, expected, 1e-9 * (1.0 + expected));
-    const double step = 1e-6;
-    const double slope = (HuberScale(norm * norm + step, 1.5).scale - huber.scale) / step;
-    EXPECT_NEAR(huber.twice_derivative, 2.0 * slope, 1e-5) << norm;
+TEST(HuberLoss, CostIsHalfOfHubersFunctionAndWeightItsDerivative) {
+  for (const double norm : {0.0, 0.7, 1.49, 1.6, 4.0, 1000.0}) {
+    const HuberLoss loss(norm * norm, 1.5);
+    const double rho = norm <= 1.5 ? norm * norm : 2.0 * 1.5 * norm - 1.5 * 1.5;
+    EXPECT_NEAR(loss.cost, 0.5 * rho, 1e-9 * (1.0 + rho));
+    const double step = 1e-6 * (1.0 + norm * norm);
+    const double slope = 2.0 * (HuberLoss(norm * norm + step, 1.5).cost - loss.cost) / step;
+    EXPECT_NEAR(loss.weight, slope, 1e-5 * slope) << norm;
   }
 }
 

@@ -38,7 +38,6 @@ TEST(PriorFactor, HasTheDerivativesOfItsResidual) {
   const MotionPrior prior = fullPrior(synthetic::motion(), 0.1, 0.05);
   const PriorFactor factor(prior);
   EXPECT_EQ(factor.axes(), 6);
-  // Within and beyond Huber's delta.
   for (const double scale : {0.2, 6.0}) {
     const Isometry3d T = synthetic::transform(scale * Vector3d(0.02, -0.03, 0.05),
                                               scale * Vector3d(-0.05, 0.03, 0.1)) *
@@ -64,7 +63,7 @@ TEST(PriorFactor, PullsNoMoreThanItSays) {
   for (const double metres : {0.1, 1.0, 10.0, 1000.0}) {
     const Isometry3d T = synthetic::transform({}, {metres, 0.0, 0.0}) * synthetic::motion();
     const PriorFactor::Linearization at = factor.linearize(T);
-    const double pull = (at.jacobian.transpose() * at.residual).tail<3>().norm();
+    const double pull = at.loss.weight * (at.jacobian.transpose() * at.residual).tail<3>().norm();
     EXPECT_LE(pull, metres / 0.01 * (1.0 + 1e-9));
     EXPECT_LE(pull, 3.0 / 0.1 * (1.0 + 1e-9)) << "Huber's loss bounds it";
   }

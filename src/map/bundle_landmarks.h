@@ -3,28 +3,14 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <vector>
 
 #include "map/bundle_adjustment.h"
 #include "map/bundle_poses.h"
+#include "motion/huber_loss.h"
 
 namespace point_line_odometry {
-
-/// Huber's loss of a residual with squared norm s: rho(s) / 2, and its derivative, by which squares
-/// of the residual are weighted.
-struct HuberLoss {
-  double cost;
-  double weight = 1.0;
-
-  HuberLoss(double squared_norm, double delta) : cost(0.5 * squared_norm) {
-    if (!(squared_norm > delta * delta)) return;
-    const double norm = std::sqrt(squared_norm);
-    cost = delta * (norm - 0.5 * delta);
-    weight = delta / norm;
-  }
-};
 
 /// The landmarks of one kind in a bundle adjustment: reprojection errors of their observations, and
 /// their part of the normal equations, from which they are eliminated (Schur complement). All

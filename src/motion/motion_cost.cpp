@@ -25,37 +25,28 @@ Matrix6d MotionVector::perturbationByParameters() const {
   return J;
 }
 
-HuberScale::HuberScale(double squared_norm, double delta) {
-  if (!(squared_norm > delta * delta)) return;
-  // Huber's function of the norm n beyond delta is rho = 2 delta n - delta^2; g = sqrt(rho) / n.
-  const double norm = std::sqrt(squared_norm);
-  const double rho = 2.0 * delta * norm - delta * delta;
-  scale = std::sqrt(rho) / norm;
-  twice_derivative = (delta * norm - rho) / (scale * squared_norm * squared_norm);
-}
-
 MotionEquations& MotionEquations::operator+=(const MotionEquations& other) {
-  squares += other.squares;
+  cost += other.cost;
   gradient += other.gradient;
   information += other.information;
   return *this;
 }
 
 MotionEquations MotionEquations::byParameters(const Matrix6d& J) const {
-  return {squares, J.transpose() * gradient, J.transpose() * information * J};
+  return {cost, J.transpose() * gradient, J.transpose() * information * J};
 }
 
 /// The weak prior about the initial motion, and the factor.
 MotionEquations ReducedMotionCost::ofPriors(const MotionVector& motion) const {
   MotionEquations equations;
   equations.gradient << motion.rotation - start_.rotation, motion.translation - start_.translation;
-  equations.squares = equations.gradient.squaredNorm();
+  equations.cost = 0.5 * equations.gradient.squaredNorm();
   equations.information = Matrix6d::Identity();
   if (prior_ == nullptr) return equations;
   const PriorFactor::Linearization prior = prior_->linearize(motion.toIsometry());
   const Matrix6d J_prior = (prior.jacobian * motion.perturbationByParameters()).eval();
-  equations += {prior.residual.squaredNorm(), J_prior.transpose() * prior.residual,
-                J_prior.transpose() * J_prior};
+  equations += {prior.loss.cost, prior.loss.weight * J_prior.transpose() * prior.residual,
+                prior.loss.weight * J_prior.transpose() * J_prior};
   return equations;
 }
 
@@ -74,7 +65,7 @@ bool ReducedMotionCost::linearize(const MotionVector& motion) const {
   linearization.motion = motion;
   const Vector6d explained = root.matrixL().solve(equations->gradient);
   linearization.residual << explained,
-      std::sqrt(std::max(equations->squares - explained.squaredNorm(), 0.0));
+      std::sqrt(std::max(2.0 * equations->cost - explained.squaredNorm(), 0.0));
   linearization.jacobian = root.matrixU();
   last_ = linearization;
   return true;

@@ -12,6 +12,7 @@
 
 #include "common/thread_pool.h"
 #include "geometry/se3.h"
+#include "motion/huber_loss.h"
 #include "motion/prior_factor.h"
 #include "motion/weighted_matches.h"
 
@@ -31,20 +32,12 @@ struct MotionVector {
   Matrix6d perturbationByParameters() const;
 };
 
-/// Factor g(s) that scales a residual of squared norm s so that its square is Huber's function
-/// rho(s), and twice the derivative of g by s.
-struct HuberScale {
-  double scale = 1.0;
-  double twice_derivative = 0.0;
-
-  HuberScale(double squared_norm, double delta);
-};
-
-/// The normal equations of a cost: of residuals r with the Jacobian J by six parameters.
+/// A cost, and the normal equations of its reweighted residuals r with the Jacobian J by six
+/// parameters.
 struct MotionEquations {
-  double squares = 0.0;                     ///< r^T r
-  Vector6d gradient = Vector6d::Zero();     ///< J^T r
-  Matrix6d information = Matrix6d::Zero();  ///< J^T J
+  double cost = 0.0;                        ///< half of the sum of rho
+  Vector6d gradient = Vector6d::Zero();     ///< J^T W r, half of the cost's gradient
+  Matrix6d information = Matrix6d::Zero();  ///< J^T W J
 
   MotionEquations& operator+=(const MotionEquations& other);
 
@@ -52,7 +45,9 @@ struct MotionEquations {
   MotionEquations byParameters(const Matrix6d& J) const;
 };
 
-/// The sum of all whitened residuals of a frame, each with a Huber loss (paper, eq. 7-8).
+/// The sum of all whitened residuals of a frame, each with a Huber loss (paper, eq. 7-8). The
+/// normal equations are those of iteratively reweighted least squares. With residuals of the square
+/// rho(s), a step from beyond delta would go twice too far, to the same cost on the other side.
 template <ResidualImages kImages>
 class MotionCost {
  public:
@@ -76,11 +71,12 @@ class MotionCost {
     std::array<bool, kParts> valid;
     const auto sum = [&](int part) {
       MotionEquations equations;
-      valid[part] = forEachResidual(T_curr_prev, part, [&](const auto& r, const auto& J) {
-        equations.squares += r.squaredNorm();
-        equations.gradient.noalias() += J.transpose() * r;
-        equations.information.noalias() += J.transpose() * J;
-      });
+      valid[part] = forEachResidual(
+          T_curr_prev, part, [&](const auto& r, const auto& J, const HuberLoss& huber) {
+            equations.cost += huber.cost;
+            equations.gradient.noalias() += huber.weight * J.transpose() * r;
+            equations.information.noalias() += huber.weight * J.transpose() * J;
+          });
       parts[part] = equations;
     };
     if (threads_ == nullptr) {
@@ -94,27 +90,22 @@ class MotionCost {
     return all.byParameters(motion.perturbationByParameters());
   }
 
-  /// Calls visit(r, J) for the residual of each active match of a part after the loss; J is by a
+  /// Calls visit(r, J, loss) for the whitened residual of each active match of a part; J is by a
   /// perturbation (exp(rotation) R, t + translation) of T_curr_prev. False as soon as one is not
   /// valid.
   template <typename Visit>
   bool forEachResidual(const Eigen::Isometry3d& T_curr_prev, int part, Visit&& visit) const {
-    const auto robust = [&](const auto& residual, const auto& sqrt_information, const auto&) {
+    const auto whiten = [&](const auto& residual, const auto& sqrt_information, const auto&) {
       using Residual = std::decay_t<decltype(residual)>;
-      const Eigen::Matrix<double, Residual::kRows, 1> whitened = sqrt_information * residual.value;
-      const HuberScale huber(whitened.squaredNorm(), huber_delta_);
-      typename Residual::JacobianByMotion J = sqrt_information * residual.jacobianByMotion();
-      if (huber.scale < 1.0) {
-        J = (huber.scale * J + huber.twice_derivative * whitened * (whitened.transpose() * J))
-                .eval();
-      }
-      visit((huber.scale * whitened).eval(), J);
+      const Eigen::Matrix<double, Residual::kRows, 1> r = sqrt_information * residual.value;
+      const typename Residual::JacobianByMotion J = sqrt_information * residual.jacobianByMotion();
+      visit(r, J, HuberLoss(r.squaredNorm(), huber_delta_));
     };
     const auto visitPart = [&](const auto& matches) {
       const auto bound = [&](int k) {
         return matches.size() * static_cast<std::size_t>(k) / kParts;
       };
-      return matches.forEachActive(T_curr_prev, bound(part), bound(part + 1), robust);
+      return matches.forEachActive(T_curr_prev, bound(part), bound(part + 1), whiten);
     };
     return visitPart(points_) && visitPart(lines_);
   }

@@ -8,7 +8,6 @@
 #include <cmath>
 
 #include "geometry/se3.h"
-#include "motion/motion_cost.h"
 
 namespace point_line_odometry {
 namespace {
@@ -103,17 +102,12 @@ PriorFactor::Linearization PriorFactor::linearize(const Eigen::Isometry3d& T_cur
   J.block<3, 3>(0, 3) = -R_t;
   J.block<3, 3>(3, 0) = -leftJacobian(d.tail<3>()).inverse() * R_t;
   const Vector6d whitened = root_ * d;
-  const Matrix6d J_whitened = root_ * J;
-  const HuberScale huber(whitened.squaredNorm(), kHuberDelta);
-  return {huber.scale * whitened,
-          huber.scale * J_whitened +
-              huber.twice_derivative * whitened * (whitened.transpose() * J_whitened)};
+  return {whitened, root_ * J, HuberLoss(whitened.squaredNorm(), kHuberDelta)};
 }
 
 Matrix6d PriorFactor::informationAt(const Eigen::Isometry3d& T_curr_prev) const {
-  const double norm = (root_ * difference(T_curr_prev)).norm();
-  const double weight = norm > kHuberDelta ? kHuberDelta / norm : 1.0;
-  return weight * root_.transpose() * root_;
+  const HuberLoss loss((root_ * difference(T_curr_prev)).squaredNorm(), kHuberDelta);
+  return loss.weight * root_.transpose() * root_;
 }
 
 /// d^T (P + A^-1)^-1 d = |K d|^2 in the metric (I + K P K^T)^-1 with A = K^T K, which may be

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 
+#include "motion/huber_loss.h"
 #include "point_line_odometry/motion_prior.h"
 #include "point_line_odometry/types.h"
 
@@ -25,8 +26,9 @@ class PriorFactor {
   explicit PriorFactor(const MotionPrior& prior);
 
   struct Linearization {
-    Vector6d residual;
+    Vector6d residual;  ///< whitened, before the loss
     Matrix6d jacobian;  ///< by a perturbation (exp(rotation) R, t + translation) of T_curr_prev
+    HuberLoss loss;
   };
   Linearization linearize(const Eigen::Isometry3d& T_curr_prev) const;
 
