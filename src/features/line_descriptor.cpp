@@ -141,7 +141,7 @@ RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
   for (int row = 0; row < kRows; ++row) {
     ComponentSums sums_along;
     ComponentSums sums_normal;
-    for (int i = 0; i < kMaxSamples; i += 8) {
+    for (int i = 0; i < grid.count(); i += 8) {
       cv::v_int16x8 first;
       cv::v_int16x8 second;
       v_expand(grid.sample(row, i), first, second);

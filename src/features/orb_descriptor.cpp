@@ -1,7 +1,6 @@
 #include "features/orb_descriptor.h"
 
 #include <cmath>
-#include <opencv2/core/hal/intrin.hpp>
 #include <random>
 
 namespace point_line_odometry {
@@ -109,16 +108,13 @@ Descriptor OrbDescriptor::describe(const cv::Mat& smooth, cv::Point centre, floa
       static_cast<int>(std::lround(angle_rad * kRotations / (2.0 * kPi))) % kRotations;
   const Offsets* offsets = offsets_[rotation].data();
   const uchar* origin = smooth.ptr<uchar>(centre.y) + centre.x;
-  std::array<uchar, kBits> first;
-  std::array<uchar, kBits> second;
-  for (int bit = 0; bit < kBits; ++bit) {
-    first[bit] = origin[offsets[bit].first];
-    second[bit] = origin[offsets[bit].second];
-  }
   Descriptor descriptor{};
-  for (int bit = 0; bit < kBits; bit += 16) {
-    const cv::v_uint8x16 darker = cv::v_load(first.data() + bit) < cv::v_load(second.data() + bit);
-    descriptor[bit / 64] |= static_cast<std::uint64_t>(v_signmask(darker)) << (bit % 64);
+  for (std::uint64_t& word : descriptor) {
+    for (int bit = 0; bit < 64; ++bit) {
+      const bool darker = origin[offsets[bit].first] < origin[offsets[bit].second];
+      word |= static_cast<std::uint64_t>(darker) << bit;
+    }
+    offsets += 64;
   }
   return descriptor;
 }
