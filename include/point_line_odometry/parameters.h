@@ -175,7 +175,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("points/max_per_cell", p.points.max_per_cell, 1, 200, "",
         "most points kept in a cell; more cost time");
   visit("points/levels", p.points.levels, 1, 8, "",
-        "pyramid levels in which points are detected, the coarser ones where the finer have few");
+        "pyramid levels in which points are detected, the coarser ones where the finer have few, "
+        "and then lines in one of them, too");
   visit("points/scale_factor", p.points.scale_factor, 1.05, 2.0, "",
         "ratio of size between pyramid levels");
   visit("points/fast_threshold", p.points.fast_threshold, 1, 100, "grey levels",

@@ -107,6 +107,10 @@ void FeatureMask::addLevels(const ImagePyramid& image) {
   }
 }
 
+FeatureMask FeatureMask::ofLevel(int octave) const {
+  return empty() ? FeatureMask() : FeatureMask(visible_levels_[static_cast<std::size_t>(octave)]);
+}
+
 bool FeatureMask::allowsPatch(const Eigen::Vector2f& level_px, int octave) const {
   if (empty()) return true;
   const auto level = static_cast<std::size_t>(octave);

@@ -43,6 +43,9 @@ class FeatureMask {
   /// Adds the coarser levels of a pyramid of the image.
   void addLevels(const ImagePyramid& image);
 
+  /// The mask of a level as of an image of its own. \param octave of a level that was added.
+  FeatureMask ofLevel(int octave) const;
+
   /// Whether a patch, or a corner of a coarser level, may be at a pixel of a level. False outside
   /// of the image.
   bool allowsPatch(const Eigen::Vector2f& level_px, int octave) const;

@@ -23,8 +23,9 @@ struct Keypoint {
 
 /// A segment with its line band descriptor (LBD, Zhang and Koch 2013, binarised).
 struct LineFeature {
-  LineSegment segment;
+  LineSegment segment;  ///< in the full-resolution image [px]
   Descriptor descriptor{};
+  float scale = 1.0F;  ///< pixels of the image per pixel of the pyramid level it was detected in
 };
 
 /// Descriptors of a point in both images of a stereo frame.

@@ -1,15 +1,39 @@
 #include "features/stereo_feature_detector.h"
 
+#include <cmath>
+
 #include "features/line_descriptor.h"
 
 namespace point_line_odometry {
+namespace {
+
+/// Of the levels at most three times as small as the image, the coarsest: there a segment is still
+/// long. 0: there is none.
+int octaveOfCoarserLines(const PointParameters& points) {
+  constexpr double kMaxScale = 3.0;
+  int octave = 0;
+  while (octave + 1 < points.levels && std::pow(points.scale_factor, octave + 1) <= kMaxScale)
+    ++octave;
+  return octave;
+}
+
+/// The noise of a level's pixels, and so the least gradient, falls with its scale.
+LineParameters ofLevel(int octave, const PointParameters& points, LineParameters lines) {
+  lines.min_gradient /= std::pow(points.scale_factor, octave);
+  return lines;
+}
+
+}  // namespace
 
 StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
                                              const LineParameters& lines)
     : points_enabled_(points.enabled),
       line_detector_(lineDetectorKind(lines)),
       point_detectors_{PointDetector(points), PointDetector(points)},
-      line_stages_{makeLineStage(lines), makeLineStage(lines)} {}
+      line_stages_{makeLineStage(lines), makeLineStage(lines)},
+      octave_of_coarser_lines_(octaveOfCoarserLines(points)),
+      coarser_line_stages_{makeLineStage(ofLevel(octave_of_coarser_lines_, points, lines)),
+                           makeLineStage(ofLevel(octave_of_coarser_lines_, points, lines))} {}
 
 StereoFeatureDetector::LineStage StereoFeatureDetector::makeLineStage(
     const LineParameters& lines) const {
@@ -57,6 +81,37 @@ std::vector<Keypoint> StereoFeatureDetector::detectCoarserPoints(const ImagePyra
                                                                  const FeatureMask& mask) {
   if (!points_enabled_) return {};
   return point_detectors_[0].detectCoarser(image, threads, mask);
+}
+
+DetectedFeatures StereoFeatureDetector::detectCoarserLines(const ImagePyramid& left,
+                                                           const ImagePyramid& right,
+                                                           ThreadPool* threads,
+                                                           const StereoMasks& masks) {
+  DetectedFeatures features;
+  const auto level = static_cast<std::size_t>(octave_of_coarser_lines_);
+  if (line_detector_ == LineDetectorKind::kNone || level == 0 || level >= left.levels.size())
+    return features;
+  threads->run(2, [&](int task) {
+    const bool is_left = task == 0;
+    (is_left ? features.lines_left : features.lines_right) =
+        detectCoarserLines(is_left ? left : right, is_left ? masks.left : masks.right,
+                           &coarser_line_stages_[is_left ? 0 : 1]);
+  });
+  return features;
+}
+
+std::vector<LineFeature> StereoFeatureDetector::detectCoarserLines(const ImagePyramid& image,
+                                                                   const FeatureMask& mask,
+                                                                   LineStage* stage) const {
+  const int octave = octave_of_coarser_lines_;
+  std::vector<LineFeature> lines =
+      stage->detect(image.levels[static_cast<std::size_t>(octave)], mask.ofLevel(octave));
+  for (LineFeature& line : lines) {
+    line.segment.start = image.fromLevel(line.segment.start, octave);
+    line.segment.end = image.fromLevel(line.segment.end, octave);
+    line.scale = image.ratio(octave).maxCoeff();
+  }
+  return lines;
 }
 
 }  // namespace point_line_odometry

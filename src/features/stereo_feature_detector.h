@@ -35,8 +35,13 @@ class StereoFeatureDetector {
   std::vector<Keypoint> detectCoarserPoints(const ImagePyramid& image, ThreadPool* threads,
                                             const FeatureMask& mask = {});
 
+  /// The lines of both images in a coarser level, where the noise of an edge is less than its
+  /// contrast; none if the images have no such level. \param masks with the levels of the pyramids.
+  DetectedFeatures detectCoarserLines(const ImagePyramid& left, const ImagePyramid& right,
+                                      ThreadPool* threads, const StereoMasks& masks = {});
+
  private:
-  /// Line detector of one image, with its scratch memory.
+  /// Line detector of one image or level, with its scratch memory.
   struct LineStage {
     GradientImage gradient;
     LineDetector edge_chains;
@@ -46,11 +51,15 @@ class StereoFeatureDetector {
   };
 
   LineStage makeLineStage(const LineParameters& lines) const;
+  std::vector<LineFeature> detectCoarserLines(const ImagePyramid& image, const FeatureMask& mask,
+                                              LineStage* stage) const;
 
   bool points_enabled_;
   LineDetectorKind line_detector_;
   std::array<PointDetector, 2> point_detectors_;  // left, right
   std::array<LineStage, 2> line_stages_;
+  int octave_of_coarser_lines_;
+  std::array<LineStage, 2> coarser_line_stages_;
 };
 
 }  // namespace point_line_odometry

@@ -15,12 +15,13 @@ double pointSigma(const FrameContext& context, double alignment_noise_px, double
   return std::sqrt(context.noise.point_variance) * by_parameters;
 }
 
-double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right) {
+double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right,
+                 double scale) {
   const MotionParameters& motion = context.parameters.motion;
-  const double length_px = std::min(left.length(), right.length());
+  const double length_px = std::min(left.length(), right.length()) / scale;
   const double by_parameters = std::hypot(
       motion.line_noise_px, 2.0 * motion.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
-  return std::sqrt(context.noise.line_variance) * by_parameters;
+  return scale * std::sqrt(context.noise.line_variance) * by_parameters;
 }
 
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,
@@ -37,7 +38,7 @@ LineObservation lineObservation(const DetectedFeatures& features, const StereoLi
   observation.left_end_px = left.end.cast<double>();
   observation.right_start_px = context.correction.apply(right.start.cast<double>());
   observation.right_end_px = context.correction.apply(right.end.cast<double>());
-  observation.sigma_px = lineSigma(context, left, right);
+  observation.sigma_px = lineSigma(context, left, right, features.lines_left[line.left].scale);
   return observation;
 }
 

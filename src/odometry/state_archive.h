@@ -71,8 +71,8 @@ inline auto stateOf(LineSegment& segment) {
 }
 
 inline auto stateOf(LineFeature& feature) {
-  auto& [segment, descriptor] = feature;
-  return std::tie(segment, descriptor);
+  auto& [segment, descriptor, scale] = feature;
+  return std::tie(segment, descriptor, scale);
 }
 
 inline auto stateOf(DetectedFeatures& features) {

@@ -4,16 +4,17 @@
 #include <iterator>
 
 #include "matching/frame_matcher.h"
+#include "odometry/coarser_lines.h"
 #include "odometry/stage_timer.h"
 #include "odometry/stereo_triangulation.h"
 
 namespace point_line_odometry {
 namespace {
 
-/// Adds points of coarser levels where the frame has few points, and the levels themselves also if
-/// points of the previous frame are aligned in them.
-void detectCoarserPoints(StereoFeatureDetector* detector, const std::optional<TrackingStart>& start,
-                         FrameContext* context, ThreadPool* threads, StereoFrame* frame) {
+/// Adds points and lines of coarser levels where the frame has few points, and the levels
+/// themselves also if points of the previous frame are aligned in them.
+void addCoarserFeatures(StereoFeatureDetector* detector, const std::optional<TrackingStart>& start,
+                        FrameContext* context, ThreadPool* threads, StereoFrame* frame) {
   const PointCoverage coverage(*frame, *context);
   const bool poor = coverage.isPoor();
   if (!poor && !(start && hasCoarserPoints(start->previous))) return;
@@ -24,7 +25,9 @@ void detectCoarserPoints(StereoFeatureDetector* detector, const std::optional<Tr
   });
   std::copy(context->left.levels.begin() + 1, context->left.levels.end(),
             std::back_inserter(frame->left_image.levels));
-  if (poor) addCoarserPoints(detector, start, coverage, *context, threads, frame);
+  if (!poor) return;
+  addCoarserLines(detector, *context, threads, frame);
+  addCoarserPoints(detector, start, coverage, *context, threads, frame);
 }
 
 }  // namespace
@@ -51,7 +54,7 @@ StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
   }
   if (parameters.points.enabled && parameters.points.levels > 1) {
     const StageTimer timer(times, Stage::kDetect);
-    detectCoarserPoints(detector, start, context, threads, &frame);
+    addCoarserFeatures(detector, start, context, threads, &frame);
   }
   return frame;
 }

@@ -113,20 +113,25 @@ void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext
     frame->points.insert(frame->points.end(), part.begin(), part.end());
 }
 
-void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
-                        ThreadPool* threads, StereoFrame* frame) {
+void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext& context,
+                      StereoFrame* frame) {
   const DetectedFeatures& features = frame->features;
-  triangulatePoints(matches.points, context, threads, frame);
-
   const LineTriangulationLimits limits = lineLimits(context.parameters);
-  for (const IndexPair& match : matches.lines) {
-    const LineSegment& left = features.lines_left[match.first].segment;
+  for (const IndexPair& match : matches) {
+    const LineFeature& left = features.lines_left[match.first];
     const LineSegment right =
         corrected(features.lines_right[match.second].segment, context.correction);
-    const double sigma_px = lineSigma(context, left, right);
-    frame->lines.push_back({match.first, match.second,
-                            triangulateLine(context.camera, left, right, sigma_px, limits)});
+    const double sigma_px = lineSigma(context, left.segment, right, left.scale);
+    frame->lines.push_back(
+        {match.first, match.second,
+         triangulateLine(context.camera, left.segment, right, sigma_px, limits)});
   }
+}
+
+void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
+                        ThreadPool* threads, StereoFrame* frame) {
+  triangulatePoints(matches.points, context, threads, frame);
+  triangulateLines(matches.lines, context, frame);
 }
 
 }  // namespace point_line_odometry

@@ -16,8 +16,12 @@ namespace point_line_odometry {
 void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext& context,
                        ThreadPool* threads, StereoFrame* frame);
 
-/// Fills the points and lines of a frame from its stereo matches; lines that cannot be triangulated
+/// Appends the lines of stereo matches (left, right) to a frame; those that cannot be triangulated
 /// remain without a position.
+void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext& context,
+                      StereoFrame* frame);
+
+/// Both.
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame);
 

@@ -1,0 +1,66 @@
+#include "odometry/coarser_lines.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "matching/line_matcher.h"
+#include "odometry/stereo_triangulation.h"
+
+namespace point_line_odometry {
+namespace {
+
+float distanceTo(const LineSegment& segment, const Eigen::Vector2f& p) {
+  const Eigen::Vector2f along = segment.end - segment.start;
+  const float t = std::clamp((p - segment.start).dot(along) / along.squaredNorm(), 0.0F, 1.0F);
+  return (segment.start + t * along - p).norm();
+}
+
+/// Whether at least half of a segment lies within a distance of others.
+bool isCovered(const LineSegment& segment, const std::vector<LineSegment>& others,
+               float max_distance_px) {
+  constexpr int kSamples = 16;
+  int covered = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    const float t = (static_cast<float>(i) + 0.5F) / kSamples;
+    const Eigen::Vector2f p = segment.start + t * (segment.end - segment.start);
+    covered += std::any_of(others.begin(), others.end(), [&](const LineSegment& other) {
+      return distanceTo(other, p) <= max_distance_px;
+    });
+  }
+  return 2 * covered >= kSamples;
+}
+
+/// The left segments of the frame's stereo lines.
+std::vector<LineSegment> segmentsOf(const StereoFrame& frame) {
+  std::vector<LineSegment> segments;
+  for (const StereoLine& line : frame.lines)
+    segments.push_back(frame.features.lines_left[line.left].segment);
+  return segments;
+}
+
+}  // namespace
+
+void addCoarserLines(StereoFeatureDetector* detector, const FrameContext& context,
+                     ThreadPool* threads, StereoFrame* frame) {
+  DetectedFeatures found =
+      detector->detectCoarserLines(context.left, context.right, threads, context.masks);
+  const std::vector<LineSegment> known = segmentsOf(*frame);
+  const auto is_known = [&](const LineFeature& line) {
+    return isCovered(line.segment, known, line.scale);
+  };
+  found.lines_left.erase(std::remove_if(found.lines_left.begin(), found.lines_left.end(), is_known),
+                         found.lines_left.end());
+  std::vector<IndexPair> matches =
+      matchLinesStereo(found.lines_left, found.lines_right, context.parameters.matching, threads);
+  std::vector<LineFeature>& left = frame->features.lines_left;
+  std::vector<LineFeature>& right = frame->features.lines_right;
+  for (IndexPair& match : matches) {
+    match.first += static_cast<int>(left.size());
+    match.second += static_cast<int>(right.size());
+  }
+  left.insert(left.end(), found.lines_left.begin(), found.lines_left.end());
+  right.insert(right.end(), found.lines_right.begin(), found.lines_right.end());
+  triangulateLines(matches, context, frame);
+}
+
+}  // namespace point_line_odometry
