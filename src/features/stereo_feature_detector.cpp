@@ -59,19 +59,17 @@ std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat&
 DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads,
                                                const StereoMasks& masks) {
   DetectedFeatures features;
+  const std::array<const cv::Mat*, 2> pixels{&images.left, &images.right};
+  const std::array<const FeatureMask*, 2> mask{&masks.left, &masks.right};
+  const std::array<std::vector<LineFeature>*, 2> lines{&features.lines_left, &features.lines_right};
+  const std::array<std::vector<Keypoint>*, 2> points{&features.points_left, &features.points_right};
   // Lines first: they take longer.
   threads->run(4, [&](int task) {
-    const bool left = task % 2 == 0;
-    const cv::Mat& image = left ? images.left : images.right;
-    const FeatureMask& mask = left ? masks.left : masks.right;
-    if (task < 2 && line_detector_ != LineDetectorKind::kNone) {
-      (left ? features.lines_left : features.lines_right) =
-          line_stages_[left ? 0 : 1].detect(image, mask);
-    }
-    if (task >= 2 && points_enabled_) {
-      (left ? features.points_left : features.points_right) =
-          point_detectors_[left ? 0 : 1].detectFinest(image, mask);
-    }
+    const auto side = static_cast<std::size_t>(task % 2);
+    if (task < 2 && line_detector_ != LineDetectorKind::kNone)
+      *lines[side] = line_stages_[side].detect(*pixels[side], *mask[side]);
+    if (task >= 2 && points_enabled_)
+      *points[side] = point_detectors_[side].detectFinest(*pixels[side], *mask[side]);
   });
   return features;
 }
