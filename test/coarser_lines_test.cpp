@@ -147,6 +147,19 @@ TEST_F(CoarserLinesTest, NoneWithoutACoarserLevelOrWithoutLines) {
   EXPECT_EQ(numAdded(), 0U);
 }
 
+TEST_F(CoarserLinesTest, AnImageHasNoMoreThanTheMostLines) {
+  const StereoImages images = bar(10.0, 7.0);
+  parameters_.lines.max_count = 1;
+  const FrameContext context = contextOf(images);
+  StereoFrame frame;
+  add(context, &frame);
+  EXPECT_EQ(frame.features.lines_left.size(), 1U);
+  EXPECT_EQ(frame.features.lines_right.size(), 1U);
+  frame.features.lines_left.resize(2);
+  add(context, &frame);
+  EXPECT_EQ(frame.features.lines_left.size(), 2U);
+}
+
 TEST_F(CoarserLinesTest, MaskedEdgesAreNotFound) {
   constexpr int kMasked = 230;
   const StereoImages images = bar(10.0, 7.0);

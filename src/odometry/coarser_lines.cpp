@@ -38,6 +38,19 @@ std::vector<LineSegment> segmentsOf(const StereoFrame& frame) {
   return segments;
 }
 
+/// Drops the shortest of the lines to be added to others, so that there are lines/max_count at
+/// most.
+void limit(std::size_t num_others, const LineParameters& parameters,
+           std::vector<LineFeature>* lines) {
+  const auto max_count = static_cast<std::size_t>(parameters.max_count);
+  const std::size_t room = max_count - std::min(num_others, max_count);
+  if (lines->size() <= room) return;
+  std::stable_sort(lines->begin(), lines->end(), [](const LineFeature& a, const LineFeature& b) {
+    return a.segment.length() > b.segment.length();
+  });
+  lines->resize(room);
+}
+
 }  // namespace
 
 void addCoarserLines(StereoFeatureDetector* detector, const FrameContext& context,
@@ -50,10 +63,12 @@ void addCoarserLines(StereoFeatureDetector* detector, const FrameContext& contex
   };
   found.lines_left.erase(std::remove_if(found.lines_left.begin(), found.lines_left.end(), is_known),
                          found.lines_left.end());
-  std::vector<IndexPair> matches =
-      matchLinesStereo(found.lines_left, found.lines_right, context.parameters.matching, threads);
   std::vector<LineFeature>& left = frame->features.lines_left;
   std::vector<LineFeature>& right = frame->features.lines_right;
+  limit(left.size(), context.parameters.lines, &found.lines_left);
+  limit(right.size(), context.parameters.lines, &found.lines_right);
+  std::vector<IndexPair> matches =
+      matchLinesStereo(found.lines_left, found.lines_right, context.parameters.matching, threads);
   for (IndexPair& match : matches) {
     match.first += static_cast<int>(left.size());
     match.second += static_cast<int>(right.size());
