@@ -38,17 +38,12 @@ std::vector<LineSegment> segmentsOf(const StereoFrame& frame) {
   return segments;
 }
 
-/// Drops the shortest of the lines to be added to others, so that there are lines/max_count at
-/// most.
+/// Drops the last of the lines to be added to others, the shortest, so that there are
+/// lines/max_count at most.
 void limit(std::size_t num_others, const LineParameters& parameters,
            std::vector<LineFeature>* lines) {
   const auto max_count = static_cast<std::size_t>(parameters.max_count);
-  const std::size_t room = max_count - std::min(num_others, max_count);
-  if (lines->size() <= room) return;
-  std::stable_sort(lines->begin(), lines->end(), [](const LineFeature& a, const LineFeature& b) {
-    return a.segment.length() > b.segment.length();
-  });
-  lines->resize(room);
+  lines->resize(std::min(lines->size(), max_count - std::min(num_others, max_count)));
 }
 
 }  // namespace
