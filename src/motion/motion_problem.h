@@ -10,6 +10,7 @@
 
 #include "common/thread_pool.h"
 #include "motion/correspondence.h"
+#include "motion/huber_loss.h"
 #include "motion/motion_cost.h"
 #include "motion/motion_covariance.h"
 #include "motion/prior_factor.h"
@@ -153,8 +154,7 @@ class MotionProblem {
                          ResidualHistogram* histogram) {
       const auto whitened = (sqrt_information * residual.value).eval();
       const double norm = whitened.norm();
-      const double huber_weight =
-          norm > parameters_.huber_delta ? parameters_.huber_delta / norm : 1.0;
+      const double huber_weight = HuberLoss(whitened.squaredNorm(), parameters_.huber_delta).weight;
       const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
       statistics.information.add(pixelOf(match),
                                  {huber_weight * J.transpose() * J,

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "motion/huber_loss.h"
 #include "motion/residuals.h"
 #include "point_line_odometry/types.h"
 
@@ -96,8 +97,8 @@ void OnlineStereoCalibration::addMotion(const Correspondences& correspondences,
     Eigen::Matrix3d covariance = by_landmark * point.covariance * by_landmark.transpose();
     covariance.diagonal().array() += point.sigma_px * point.sigma_px;
     const Eigen::Matrix3d weight = covariance.inverse();
-    const double norm = std::sqrt(residual.value.dot(weight * residual.value));
-    const double huber = norm > parameters.huber_delta ? parameters.huber_delta / norm : 1.0;
+    const double huber =
+        HuberLoss(residual.value.dot(weight * residual.value), parameters.huber_delta).weight;
 
     // A larger correction moves the triangulated point nearer and the observed right pixel to the
     // left.
