@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <fstream>
@@ -80,10 +81,13 @@ void serve(int socket, const Parameters& parameters) {
   std::optional<StereoOdometry> odometry;
   FrameHeader header;
   StereoImages images;
+  double peak_MB = 0.0;
   while (receiveImages(socket, &header, &images)) {
     if (!odometry) odometry.emplace(header.camera, parameters);
     odometry->process(images);
-    const MemoryUse use = memoryUse();
+    MemoryUse use = memoryUse();
+    // Linux counts pages per processor and adds them up later: its peak may sink by a few of them.
+    use.peak_MB = peak_MB = std::max({peak_MB, use.peak_MB, use.resident_MB});
     if (!sendBytes(socket, &use, sizeof(use))) return;
   }
 }
