@@ -357,6 +357,41 @@ TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
   }
 }
 
+/// Points of a wall, and eight where an edge of it ends at that of a near one: they have the near
+/// one's depth and follow the far one's rows. All their patches overlap.
+TEST(EstimateMotion, MatchesOfOnePieceOfTheSceneDoNotDetermineIt) {
+  const StereoCamera camera = synthetic::camera();
+  constexpr double kSigma_px = 0.5;
+  Isometry3d downwards = Isometry3d::Identity();
+  downwards.translation().y() = -0.03;
+  for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
+    cv::RNG random(seed);
+    Correspondences matches;
+    for (int i = 0; i < 88; ++i) {
+      const bool near = i < 8;
+      Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(4.0, 6.0));
+      if (near) p = {random.uniform(-0.01, 0.01), random.uniform(0.28, 0.3), 1.0};
+      const auto point = triangulatePoint(camera, camera.projectLeft(p), camera.projectRight(p).x(),
+                                          kSigma_px, 0.5);
+      ASSERT_TRUE(point);
+      const Vector2d noise(random.gaussian(kSigma_px), random.gaussian(kSigma_px));
+      const Vector2d rows(0.0, near ? 0.8 * camera.fy * 0.03 : 0.0);
+      PointCorrespondence match;
+      match.left_px = camera.projectLeft(downwards * p) + rows + noise;
+      match.right_px = camera.projectRight(downwards * p) + rows + noise;
+      match.sigma_px = kSigma_px;
+      match.patch_px = 40.0;
+      match.p_prev = point->p_camera;
+      match.covariance = point->covariance;
+      matches.points.push_back(match);
+    }
+    const MotionEstimate estimate = estimateMotion(matches, camera, Isometry3d::Identity(), {});
+    expectMotion(estimate, downwards, 0.02);
+    for (std::size_t i = 0; i < 8; ++i) EXPECT_FALSE(estimate.point_inliers[i]) << seed;
+    EXPECT_GE(estimate.num_point_inliers, 75) << seed;
+  }
+}
+
 /// Outliers with a common bias: kept, they are bounded by the Huber loss only.
 TEST(EstimateMotion, OutliersMayBeKept) {
   MatchOptions options{100, 0};

@@ -43,6 +43,12 @@ struct LineCorrespondence : LineObservation {
 inline bool isFar(const PointCorrespondence& point) { return point.far; }
 inline bool isFar(const LineCorrespondence&) { return false; }
 
+/// Where a match is in the left image; of a line its middle.
+inline Eigen::Vector2d pixelOf(const PointCorrespondence& point) { return point.left_px; }
+inline Eigen::Vector2d pixelOf(const LineCorrespondence& line) {
+  return 0.5 * (line.left_start_px + line.left_end_px);
+}
+
 struct Correspondences {
   std::vector<PointCorrespondence> points;
   std::vector<LineCorrespondence> lines;

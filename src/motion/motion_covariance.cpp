@@ -19,15 +19,6 @@ constexpr double kCalibrationPx = 0.05;
 // of the patch, which is another image's.
 constexpr double kNoiseOfImage = 0.5;
 
-/// Area that two squares have in common, relative to the geometric mean of their areas: the
-/// correlation of means of white noise over them.
-double overlap(const PatchJacobian& a, const PatchJacobian& b) {
-  const Eigen::Array2d distance = (a.left_px - b.left_px).array().abs();
-  const double smaller = std::min(a.side_px, b.side_px);
-  const Eigen::Array2d common = (0.5 * (a.side_px + b.side_px) - distance).min(smaller).max(0.0);
-  return common.prod() / (a.side_px * b.side_px);
-}
-
 /// Least information [1/m^2, 1/rad^2] of a direction: one that is unconstrained is known to 1 km or
 /// 1000 rad. A double resolves no more of it beside the other directions.
 constexpr double kLeastInformation = 1e-6;
@@ -94,27 +85,19 @@ void ImageInformation::add(const Eigen::Vector2d& left_px, const NormalEquations
   parts_[partAt(left_px)].equations += equations;
 }
 
-void ImageInformation::addCorrelations(std::vector<PatchJacobian> patches) {
-  double largest_px = 0.0;
-  for (const PatchJacobian& patch : patches) largest_px = std::max(largest_px, patch.side_px);
-  std::stable_sort(
-      patches.begin(), patches.end(),
-      [](const PatchJacobian& a, const PatchJacobian& b) { return a.left_px.x() < b.left_px.x(); });
-  for (auto a = patches.begin(); a != patches.end(); ++a) {
-    for (auto b = a + 1; b != patches.end(); ++b) {
-      if (b->left_px.x() - a->left_px.x() >= largest_px) break;
-      const double common = overlap(*a, *b);
-      if (!(common > 0.0)) continue;
-      const Matrix6d half = kNoiseOfImage * common * a->J.transpose() * b->J;
-      NormalEquations pair;
-      pair.correlation = half + half.transpose();
-      whole_ += pair;
-      const std::size_t part_of_a = partAt(a->left_px);
-      const std::size_t part_of_b = partAt(b->left_px);
-      parts_[part_of_a].equations += pair;
-      if (part_of_b != part_of_a) parts_[part_of_b].equations += pair;
-    }
-  }
+void ImageInformation::addCorrelations(const std::vector<PatchJacobian>& patches) {
+  std::vector<PatchArea> areas;
+  for (const PatchJacobian& patch : patches) areas.push_back(patch.area);
+  forEachOverlap(areas, [&](std::size_t i, std::size_t j, double overlap) {
+    const Matrix6d half = kNoiseOfImage * overlap * patches[i].J.transpose() * patches[j].J;
+    NormalEquations pair;
+    pair.correlation = half + half.transpose();
+    whole_ += pair;
+    const std::size_t part_of_i = partAt(areas[i].center_px);
+    const std::size_t part_of_j = partAt(areas[j].center_px);
+    parts_[part_of_i].equations += pair;
+    if (part_of_j != part_of_i) parts_[part_of_j].equations += pair;
+  });
 }
 
 NormalEquations ImageInformation::withoutMostInfluentialPart() const {

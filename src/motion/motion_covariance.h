@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "motion/patch_overlap.h"
 #include "point_line_odometry/residual_histogram.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "point_line_odometry/types.h"
@@ -29,8 +30,7 @@ struct NormalEquations {
 /// The patch in the left image by which a point was observed, and the Jacobian of its whitened,
 /// weighted residual.
 struct PatchJacobian {
-  Eigen::Vector2d left_px;
-  double side_px;
+  PatchArea area;
   Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 3, 6> J;
 };
 
@@ -44,7 +44,7 @@ class ImageInformation {
 
   /// Adds the correlations of points whose patches overlap: they share the noise of the pixels that
   /// they have in common.
-  void addCorrelations(std::vector<PatchJacobian> patches);
+  void addCorrelations(const std::vector<PatchJacobian>& patches);
 
   /// The sum without the part of the image that has the most influence on the motion (trace of its
   /// hat matrix). A motion that is constrained by one part only has no redundancy: wrong matches

@@ -121,32 +121,48 @@ typename MotionProblem<kImages>::SolveResult settleFarPoints(
   return solved;
 }
 
-/// A few matches of high leverage, as points whose stereo match is wrong and that so seem much
-/// nearer than all others, agree with any motion that they have determined: no residual shows that
-/// they are wrong (Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987). Solves
-/// again without them, and keeps that motion if the matches as a whole agree better with it.
-template <ResidualImages kImages>
-typename MotionProblem<kImages>::SolveResult checkLeverage(
-    const typename MotionProblem<kImages>::SolveResult& solved, const MotionParameters& parameters,
-    MotionProblem<kImages>* problem) {
-  if (!solved.usable) return solved;
+/// Solves again after some matches were dropped, and keeps that motion if the matches as a whole
+/// agree better with it. \param drop returns how many it has dropped from the problem. \param
+/// cost of all matches at a motion.
+template <ResidualImages kImages, typename Drop, typename Cost>
+typename MotionProblem<kImages>::SolveResult solveWithout(
+    const typename MotionProblem<kImages>::SolveResult& solved, const Drop& drop, const Cost& cost,
+    const MotionParameters& parameters, MotionProblem<kImages>* problem) {
   const std::vector<bool> points = problem->pointActive();
   const std::vector<bool> lines = problem->lineActive();
   const auto keepFirst = [&] {
     problem->select(points, lines);
     return solved;
   };
-  if (problem->dropLeverage(solved.T_curr_prev, kHighLeverage) == 0) return solved;
+  if (drop() == 0) return solved;
   if (countMatches(*problem).all < parameters.min_inliers) return keepFirst();
   const auto others = problem->solve(solved.T_curr_prev, {false, kFineTolerance});
   if (!others.usable) return keepFirst();
   problem->selectInliers(others.T_curr_prev);
   auto again = problem->solve(others.T_curr_prev, {false, kFineTolerance});
-  if (!again.usable || problem->limitedCost(again.T_curr_prev, kLimitedCost) >
-                           problem->limitedCost(solved.T_curr_prev, kLimitedCost) - kLowerCost)
+  if (!again.usable || cost(again.T_curr_prev) > cost(solved.T_curr_prev) - kLowerCost)
     return keepFirst();
   again.iterations += solved.iterations + others.iterations;
   return again;
+}
+
+/// A few matches of high leverage, as points whose stereo match is wrong and that so seem much
+/// nearer than all others, agree with any motion that they have determined: no residual shows that
+/// they are wrong (Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987). So do those
+/// of a small part of the image. Tries to do without the ones, then without the others.
+template <ResidualImages kImages>
+typename MotionProblem<kImages>::SolveResult checkLeverage(
+    const typename MotionProblem<kImages>::SolveResult& solved, const MotionParameters& parameters,
+    MotionProblem<kImages>* problem) {
+  if (!solved.usable) return solved;
+  const auto by_single = solveWithout(
+      solved, [&] { return problem->dropLeverage(solved.T_curr_prev, kHighLeverage); },
+      [&](const Eigen::Isometry3d& T) { return problem->limitedCost(T, kLimitedCost); }, parameters,
+      problem);
+  return solveWithout(
+      by_single, [&] { return problem->dropSeparated(by_single.T_curr_prev); },
+      [&](const Eigen::Isometry3d& T) { return problem->limitedCostOfScene(T, kLimitedCost); },
+      parameters, problem);
 }
 
 /// Solves with the active matches, removes outliers, and solves again. Without

@@ -5,6 +5,8 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -13,7 +15,9 @@
 #include "motion/huber_loss.h"
 #include "motion/motion_cost.h"
 #include "motion/motion_covariance.h"
+#include "motion/patch_overlap.h"
 #include "motion/prior_factor.h"
+#include "motion/solution_separation.h"
 #include "motion/weighted_matches.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -23,11 +27,6 @@ namespace point_line_odometry {
 
 // Iterations of the solver at most: with 100 of them all figures of the test sequences are equal.
 constexpr int kMaxSolverIterations = 20;
-
-inline Eigen::Vector2d pixelOf(const PointCorrespondence& point) { return point.left_px; }
-inline Eigen::Vector2d pixelOf(const LineCorrespondence& line) {
-  return 0.5 * (line.left_start_px + line.left_end_px);
-}
 
 /// The least-squares problem of one frame: its matches, their square-root information, and the
 /// solver.
@@ -99,8 +98,46 @@ class MotionProblem {
            lines_.dropLeverage(T_curr_prev, covariance, limit);
   }
 
+  /// Drops the active matches of the part of the image that moves the motion most, if there is one;
+  /// see SolutionSeparation. Returns their number.
+  int dropSeparated(const Eigen::Isometry3d& T_curr_prev) {
+    SolutionSeparation separation(camera_);
+    if (prior_ != nullptr) {
+      const PriorFactor::Linearization prior = prior_->linearize(T_curr_prev);
+      separation.addPrior(prior.loss.weight * prior.jacobian.transpose() * prior.jacobian);
+    }
+    const auto add = [&](const auto& residual, const auto& sqrt_information, const auto& match) {
+      const auto r = (sqrt_information * residual.value).eval();
+      const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
+      const double weight = HuberLoss(r.squaredNorm(), parameters_.huber_delta).weight;
+      separation.add(pixelOf(match), weight * J.transpose() * J, weight * J.transpose() * r);
+    };
+    points_.forEachActive(T_curr_prev, add);
+    lines_.forEachActive(T_curr_prev, add);
+    const std::optional<Eigen::AlignedBox2d> part = separation.mostSeparated();
+    return part ? points_.dropIn(*part) + lines_.dropIn(*part) : 0;
+  }
+
+  /// How well all matches agree with a motion: see WeightedMatches.
   double limitedCost(const Eigen::Isometry3d& T_curr_prev, double limit) const {
-    return points_.limitedCost(T_curr_prev, limit) + lines_.limitedCost(T_curr_prev, limit);
+    return points_.limitedCost(T_curr_prev, limit, std::vector<double>(points_.size(), 1.0)) +
+           lines_.limitedCost(T_curr_prev, limit, std::vector<double>(lines_.size(), 1.0));
+  }
+
+  /// The same, where points whose patches overlap count as the one piece of scene that they show:
+  /// they are wrong together.
+  double limitedCostOfScene(const Eigen::Isometry3d& T_curr_prev, double limit) const {
+    std::vector<PatchArea> patches;
+    for (const PointCorrespondence& point : points_.matches())
+      patches.push_back({point.left_px, point.patch_px});
+    std::vector<double> weights(patches.size(), 1.0);
+    forEachOverlap(patches, [&](std::size_t i, std::size_t j, double overlap) {
+      weights[i] += overlap;
+      weights[j] += overlap;
+    });
+    for (double& weight : weights) weight = 1.0 / weight;
+    return points_.limitedCost(T_curr_prev, limit, weights) +
+           lines_.limitedCost(T_curr_prev, limit, std::vector<double>(lines_.size(), 1.0));
   }
 
   /// Drops the matches that constrain the translation.
@@ -175,14 +212,14 @@ class MotionProblem {
     points_.forEachActive(
         T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
           const auto J = add(residual, sqrt_information, match, &statistics.points);
-          if (match.patch_px > 0.0) patches.push_back({match.left_px, match.patch_px, J});
+          if (match.patch_px > 0.0) patches.push_back({{match.left_px, match.patch_px}, J});
           addDisparityError(residual, sqrt_information, match, &statistics.J_disparity);
         });
     lines_.forEachActive(
         T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
           add(residual, sqrt_information, match, &statistics.lines);
         });
-    statistics.information.addCorrelations(std::move(patches));
+    statistics.information.addCorrelations(patches);
     return statistics;
   }
 

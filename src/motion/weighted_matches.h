@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -32,6 +33,7 @@ class WeightedMatches {
     for (std::size_t i = 0; i < matches_.size(); ++i) count += active_[i] && !isFar(matches_[i]);
     return count;
   }
+  const std::vector<Correspondence>& matches() const { return matches_; }
   std::size_t size() const { return matches_.size(); }
 
   /// Expected number of right ones among the active matches that constrain the translation, at a
@@ -110,15 +112,27 @@ class WeightedMatches {
     return dropped;
   }
 
+  /// Drops the active matches at pixels in a part of the left image. Returns their number.
+  int dropIn(const Eigen::AlignedBox2d& part_px) {
+    int dropped = 0;
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!active_[i] || !part_px.contains(pixelOf(matches_[i]))) continue;
+      active_[i] = false;
+      ++dropped;
+    }
+    return dropped;
+  }
+
   /// Sum of the squared norms of the whitened residuals of all matches, active or not, each at most
-  /// `limit`: low where many agree, however wrong the others are.
-  double limitedCost(const Eigen::Isometry3d& T_curr_prev, double limit) const {
+  /// `limit` times its weight: low where many agree, however wrong the others are.
+  double limitedCost(const Eigen::Isometry3d& T_curr_prev, double limit,
+                     const std::vector<double>& weights) const {
     double cost = 0.0;
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!usable_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
       const double squared = (sqrt_information_[i] * residual.value).squaredNorm();
-      cost += residual.valid && squared < limit ? squared : limit;
+      cost += weights[i] * (residual.valid && squared < limit ? squared : limit);
     }
     return cost;
   }
