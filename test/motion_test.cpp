@@ -321,6 +321,14 @@ TEST(EstimateMotion, RemovesOutliers) {
   }
 }
 
+PointCorrespondence matchOf(const TriangulatedPoint& point, const PointObservation& observation) {
+  PointCorrespondence match;
+  static_cast<PointObservation&>(match) = observation;
+  match.p_prev = point.p_camera;
+  match.covariance = point.covariance;
+  return match;
+}
+
 /// Points of a wall, three of which have a depth that is far too small. A turn suits all of them, a
 /// translation those with the right depth: no residual of the turn shows that the others are wrong.
 TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
@@ -342,13 +350,10 @@ TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
       const auto point =
           triangulatePoint(camera, camera.projectLeft(p), right_u_px, kSigma_px, 0.5);
       ASSERT_TRUE(point);
-      PointCorrespondence match;
-      match.left_px = camera.projectLeft(downwards * p) + noise(0.05);
-      match.right_px = camera.projectRight(downwards * p) + noise(0.05) - Vector2d(error_px, 0.0);
-      match.sigma_px = kSigma_px;
-      match.p_prev = point->p_camera;
-      match.covariance = point->covariance;
-      matches.points.push_back(match);
+      const Vector2d left_px = camera.projectLeft(downwards * p) + noise(0.05);
+      const Vector2d right_px =
+          camera.projectRight(downwards * p) + noise(0.05) - Vector2d(error_px, 0.0);
+      matches.points.push_back(matchOf(*point, {left_px, right_px, kSigma_px, 0.0}));
     }
     const MotionEstimate estimate = estimateMotion(matches, camera, Isometry3d::Identity(), {});
     expectMotion(estimate, downwards, 0.005);
@@ -369,21 +374,16 @@ TEST(EstimateMotion, MatchesOfOnePieceOfTheSceneDoNotDetermineIt) {
     Correspondences matches;
     for (int i = 0; i < 88; ++i) {
       const bool near = i < 8;
-      Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(4.0, 6.0));
+      Vector3d p{random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(4.0, 6.0)};
       if (near) p = {random.uniform(-0.01, 0.01), random.uniform(0.28, 0.3), 1.0};
       const auto point = triangulatePoint(camera, camera.projectLeft(p), camera.projectRight(p).x(),
                                           kSigma_px, 0.5);
       ASSERT_TRUE(point);
-      const Vector2d noise(random.gaussian(kSigma_px), random.gaussian(kSigma_px));
+      const Vector2d noise{random.gaussian(kSigma_px), random.gaussian(kSigma_px)};
       const Vector2d rows(0.0, near ? 0.8 * camera.fy * 0.03 : 0.0);
-      PointCorrespondence match;
-      match.left_px = camera.projectLeft(downwards * p) + rows + noise;
-      match.right_px = camera.projectRight(downwards * p) + rows + noise;
-      match.sigma_px = kSigma_px;
-      match.patch_px = 40.0;
-      match.p_prev = point->p_camera;
-      match.covariance = point->covariance;
-      matches.points.push_back(match);
+      const Vector2d left_px = camera.projectLeft(downwards * p) + rows + noise;
+      const Vector2d right_px = camera.projectRight(downwards * p) + rows + noise;
+      matches.points.push_back(matchOf(*point, {left_px, right_px, kSigma_px, 40.0}));
     }
     const MotionEstimate estimate = estimateMotion(matches, camera, Isometry3d::Identity(), {});
     expectMotion(estimate, downwards, 0.02);

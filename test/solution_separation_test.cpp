@@ -28,8 +28,8 @@ std::vector<Match> matchesWith(int num_strong, const Vector2d& around_px, double
   for (int i = 0; i < 60; ++i) {
     Vector6d J;
     for (double& j : J) j = random.gaussian(1.0);
-    const Vector2d pixel(random.uniform(0.0, 1.0) * camera.width,
-                         random.uniform(0.0, 1.0) * camera.height);
+    const Vector2d pixel{random.uniform(0.0, 1.0) * camera.width,
+                         random.uniform(0.0, 1.0) * camera.height};
     matches.push_back({pixel, J * J.transpose()});
   }
   for (int i = 0; i < num_strong; ++i) {
