@@ -19,6 +19,12 @@ constexpr double kCalibrationPx = 0.05;
 // of the patch, which is another image's.
 constexpr double kNoiseOfImage = 0.5;
 
+// A few matches of one place may be wrong together, by as much as inliers may be: of an edge that
+// covers another, of a texture that repeats. The fewer the others are, the more they move the
+// motion: the variance is larger by 1 + this / matches, as six neighbours that are three standard
+// deviations wrong make it.
+constexpr double kVarianceOfFewMatches = 36.0;
+
 /// Least information [1/m^2, 1/rad^2] of a direction: one that is unconstrained is known to 1 km or
 /// 1000 rad. A double resolves no more of it beside the other directions.
 constexpr double kLeastInformation = 1e-6;
@@ -118,7 +124,8 @@ Matrix6d motionCovariance(const ResidualStatistics& statistics,
                           const Eigen::Isometry3d& T_curr_prev) {
   Matrix6d gain;
   const Matrix6d inverse = statistics.information.withoutMostInfluentialPart().covariance(&gain);
-  const double scale = varianceFactor(statistics);
+  const double scale =
+      varianceFactor(statistics) * (1.0 + kVarianceOfFewMatches / std::max(statistics.matches, 1));
   const Vector6d calibration_error = kCalibrationPx * gain * statistics.J_disparity;
   const Matrix6d of_perturbation =
       scale * inverse + calibration_error * calibration_error.transpose();

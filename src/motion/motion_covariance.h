@@ -82,6 +82,7 @@ struct ResidualStatistics {
   int weighted_rows = 0;            ///< rows of these sums: those of far points are left out
   double squares_px = 0.0;          ///< of all residuals
   int rows = 0;                     ///< of all residuals
+  int matches = 0;                  ///< points and lines that these are of
   ResidualHistogram points;
   ResidualHistogram lines;
 };

@@ -199,6 +199,7 @@ class MotionProblem {
       const auto rows = static_cast<int>(residual.value.size());
       statistics.squares_px += residual.value.squaredNorm();
       statistics.rows += rows;
+      ++statistics.matches;
       for (Eigen::Index i = 0; i < whitened.size(); ++i) histogram->add(whitened[i]);
       if (!isFar(match)) {
         statistics.sum_psi2 += huber_weight * huber_weight * norm * norm;
