@@ -340,11 +340,11 @@ TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
   for (const unsigned seed : {1U, 2U, 3U, 4U, 5U, 6U, 7U, 8U}) {
     cv::RNG random(seed);
     const auto noise = [&](double sigma) {
-      return Vector2d(random.gaussian(sigma), random.gaussian(sigma));
+      return Vector2d{random.gaussian(sigma), random.gaussian(sigma)};
     };
     Correspondences matches;
     for (int i = 0; i < 150; ++i) {
-      const Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), kWall_m);
+      const Vector3d p{random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), kWall_m};
       const double error_px = i < 3 ? 500.0 : 0.0;  // of the disparity, in both frames
       const double right_u_px = camera.projectRight(p).x() - error_px;
       const auto point =

@@ -178,13 +178,13 @@ class WrongPriors(PriorSequenceTest):
             with self.subTest(priors=text, error=key):
                 self.assertLess(errors[key], (factors or {}).get(key, self.FACTOR) * without[key])
 
-    def check_wrong(self, name, wheel_factors=None):
+    def check_wrong(self, name, wheel_factors=None, gyroscope_factors=None):
         frames = FRAMES[name][0]
         folder = data_folder(name)
         _, without = self.scores(name)
         self.print_errors(f"{name}, without priors", without)
         for text, rows, factors in (
-                ("wrong by 5 deg/s", gyroscope_rows(folder, 1, WRONG_RATE), None),
+                ("wrong by 5 deg/s", gyroscope_rows(folder, 1, WRONG_RATE), gyroscope_factors),
                 ("30 % too far", wheel_rows(folder, 1.3), wheel_factors)):
             summary, errors = self.with_priors(name, rows)
             self.assertEqual(summary["states"], {"initializing": 1, "ok": frames - 1})
@@ -219,7 +219,9 @@ class WrongPriors(PriorSequenceTest):
         self.check_wrong("rendered_lowtexture")  # at most 1.0
 
     def test_rendered_plaster(self):
-        self.check_wrong("rendered_plaster")  # at most 1.03
+        # 1.03 to 1.14 (ATE) and 0.92 to 1.08 with four draws, 0.0042 to 0.0047 m; without it happens to be 0.0041 m. All
+        # wrong ones are rejected, but points of coarser levels have been searched around their predictions.
+        self.check_wrong("rendered_plaster", gyroscope_factors={"ate_m": 1.2, "rpe_r_deg": 1.15})
 
 
 if __name__ == "__main__":

@@ -3,17 +3,12 @@
 #include <algorithm>
 #include <vector>
 
+#include "common/segment_distance.h"
 #include "matching/line_matcher.h"
 #include "odometry/stereo_triangulation.h"
 
 namespace point_line_odometry {
 namespace {
-
-float distanceTo(const LineSegment& segment, const Eigen::Vector2f& p) {
-  const Eigen::Vector2f along = segment.end - segment.start;
-  const float t = std::clamp((p - segment.start).dot(along) / along.squaredNorm(), 0.0F, 1.0F);
-  return (segment.start + t * along - p).norm();
-}
 
 /// Whether at least half of a segment lies within a distance of others.
 bool isCovered(const LineSegment& segment, const std::vector<LineSegment>& others,
@@ -24,7 +19,7 @@ bool isCovered(const LineSegment& segment, const std::vector<LineSegment>& other
     const float t = (static_cast<float>(i) + 0.5F) / kSamples;
     const Eigen::Vector2f p = segment.start + t * (segment.end - segment.start);
     covered += std::any_of(others.begin(), others.end(), [&](const LineSegment& other) {
-      return distanceTo(other, p) <= max_distance_px;
+      return distanceToSegment(other.start, other.end, p) <= max_distance_px;
     });
   }
   return 2 * covered >= kSamples;

@@ -1,9 +1,9 @@
 #include "world/bonnet.h"
 
-#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/segment_distance.h"
 #include "world/material.h"
 #include "world/random.h"
 
@@ -26,12 +26,6 @@ constexpr float kGloss = 0.35F;
 constexpr int kNumScratches = 80;
 constexpr float kScratchWidth = 0.008F;
 constexpr int kRays = 4;  // per pixel, in each direction
-
-float distanceTo(const Eigen::Vector2f& p, const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
-  const Eigen::Vector2f along = b - a;
-  const float t = std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0F, 1.0F);
-  return (a + t * along - p).norm();
-}
 
 }  // namespace
 
@@ -80,7 +74,7 @@ float Bonnet::brightness(float x, float z) const {
   float light = unit(cell, 0) < kWornShare ? 0.05F + 0.6F * unit(cell, 1) : kPaint;
   const Eigen::Vector2f p(x, z);
   for (const Scratch& scratch : scratches_) {
-    if (distanceTo(p, scratch.from, scratch.to) < 0.5F * kScratchWidth) light = 0.75F;
+    if (distanceToSegment(scratch.from, scratch.to, p) < 0.5F * kScratchWidth) light = 0.75F;
   }
   // Gaps between sheets, with bolts beside them.
   constexpr float kGap = 0.01F;
