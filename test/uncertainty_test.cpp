@@ -181,6 +181,12 @@ Vector6d errorOf(const MotionEstimate& estimate, const Isometry3d& T_curr_prev) 
   return error;
 }
 
+/// Squared Mahalanobis distance of the error; 6 in the mean for exact covariances.
+double squaredError(const MotionEstimate& estimate, const Isometry3d& T_curr_prev) {
+  const Vector6d error = errorOf(estimate, T_curr_prev);
+  return error.dot(estimate.covariance.inverse() * error);
+}
+
 struct NoiseCase {
   int points;
   int lines;
@@ -254,8 +260,7 @@ TEST(EstimateMotion, CovarianceCoversAFewMatchesThatAreWrongTogether) {
       }
       const MotionEstimate estimate = estimateMotion(matches, camera, ground_truth, {});
       ASSERT_TRUE(estimate.ok()) << num_points << " points, seed " << seed;
-      const Vector6d error = errorOf(estimate, ground_truth);
-      const double squared = error.dot(estimate.covariance.inverse() * error);
+      const double squared = squaredError(estimate, ground_truth);
       nees += squared / kSeeds;
       beyond += squared > 36.0 ? 1 : 0;
     }
@@ -309,8 +314,7 @@ double neesOfGroups(double patch_px) {
     }
     const MotionEstimate estimate = estimateMotion(matches, camera, ground_truth, parameters);
     EXPECT_TRUE(estimate.ok());
-    const Vector6d error = errorOf(estimate, ground_truth);
-    nees += error.dot(estimate.covariance.inverse() * error) / kSeeds;
+    nees += squaredError(estimate, ground_truth) / kSeeds;
   }
   return nees;
 }
@@ -382,8 +386,7 @@ TEST(EstimateMotion, CovarianceIsCorrectFarFromTheOrigin) {
     const MotionEstimate estimate = estimateMotion(matches, camera, ground_truth, parameters);
     ASSERT_TRUE(estimate.ok());
     EXPECT_LT(std::sqrt(estimate.covariance.diagonal().head(3).sum()), 0.02);
-    const Vector6d error = errorOf(estimate, ground_truth);
-    nees += error.dot(estimate.covariance.inverse() * error) / kSeeds;
+    nees += squaredError(estimate, ground_truth) / kSeeds;
   }
   EXPECT_GT(nees, 4.0);
   EXPECT_LT(nees, 8.0);
