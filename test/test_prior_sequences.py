@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Motion priors on real and rendered sequences: true rotations with a gyroscope's noise on every 6th frame, and priors
-that are wrong in every second frame. The noise has a fixed seed. Programs and data are found as in test_tools.py;
+that are wrong in every second frame. The noise has fixed seeds. Programs and data are found as in test_tools.py;
 sequences that are absent are skipped."""
 
 import os
@@ -79,9 +79,13 @@ def row_of(start, end, translation, R, sigma_m, sigma_rad):
     return " ".join([start, end, *(f"{number:.9g}" for number in numbers)]) + "\n"
 
 
-def gyroscope_rows(folder, every, wrong_rate=0.0):
+# Which of the priors: every second one is wrong.
+BOTH, RIGHT, WRONG = (0, 1), (0,), (1,)
+
+
+def gyroscope_rows(folder, every, wrong_rate=0.0, seed=0, which=BOTH):
     """Rotations alone, those of every second frame wrong by a rate about an axis that is drawn."""
-    draw = np.random.default_rng(0)
+    draw = np.random.default_rng(seed)
     for k, (start, end, dt, R, _) in enumerate(true_motions(folder, every)):
         noise = GYROSCOPE_NOISE * np.sqrt(dt)
         sigma = np.hypot(noise, GYROSCOPE_SCALE * angle_of(R))
@@ -89,13 +93,14 @@ def gyroscope_rows(folder, every, wrong_rate=0.0):
         R = R @ turn(noise * draw.normal(size=3))
         if k % 2:
             R = R @ turn(wrong_rate * dt * axis / np.linalg.norm(axis))
-        yield row_of(start, end, np.zeros(3), R, 0.0, sigma)
+        if k % 2 in which:
+            yield row_of(start, end, np.zeros(3), R, 0.0, sigma)
 
 
-def wheel_rows(folder, wrong_factor, which=(0, 1)):
+def wheel_rows(folder, wrong_factor, seed=0, which=BOTH):
     """Motions as of wheels: 2 % of noise of the distance, deviations of 5 %, and in every second frame a
-    distance that is wrong by a factor. `which`: 0 the right ones, 1 the wrong ones."""
-    draw = np.random.default_rng(0)
+    distance that is wrong by a factor."""
+    draw = np.random.default_rng(seed)
     for k, (start, end, _, R, translation) in enumerate(true_motions(folder, 1)):
         factor = (1.0 + 0.02 * draw.normal()) * (wrong_factor if k % 2 else 1.0)
         sigma_m = max(0.05 * np.linalg.norm(translation), 1e-4)
@@ -167,61 +172,75 @@ class TrueRotations(PriorSequenceTest):
 
 class WrongPriors(PriorSequenceTest):
     """Wrong in every second frame, by 5 deg/s or by 30 % of the distance: they are rejected, and no figure is worse
-    than without priors by more than 5 %, with two exceptions that are explained there."""
+    by more than 5 % than without priors, or than with the right half of them where that is worse. Figures are medians of
+    five draws of the noise: on the built-in sequences, whose ATE is 2 to 4 mm, single ones differ by half."""
 
+    DRAWS = 5
     FACTOR = 1.05
 
-    def compare(self, text, name, errors, without, factors=None):
+    def check_median(self, name, text, rows_of, without):
+        """rows_of(which, seed)"""
         keys = ["ate_m"] + (["t_percent", "r_deg_per_100m"] if name in DRIVES else ["rpe_r_deg"])
-        self.print_errors(text, {key: errors[key] / without[key] for key in keys})
-        for key in keys:
-            with self.subTest(priors=text, error=key):
-                self.assertLess(errors[key], (factors or {}).get(key, self.FACTOR) * without[key])
-
-    def check_wrong(self, name, wheel_factors=None, gyroscope_factors=None):
-        frames = FRAMES[name][0]
-        folder = data_folder(name)
-        _, without = self.scores(name)
-        self.print_errors(f"{name}, without priors", without)
-        for text, rows, factors in (
-                ("wrong by 5 deg/s", gyroscope_rows(folder, 1, WRONG_RATE), gyroscope_factors),
-                ("30 % too far", wheel_rows(folder, 1.3), wheel_factors)):
-            summary, errors = self.with_priors(name, rows)
-            self.assertEqual(summary["states"], {"initializing": 1, "ok": frames - 1})
+        _, right = self.with_priors(name, rows_of(RIGHT, 0))
+        ratios = {key: [] for key in keys}
+        for seed in range(self.DRAWS):
+            summary, errors = self.with_priors(name, rows_of(BOTH, seed))
+            self.assertEqual(summary["states"], {"initializing": 1, "ok": FRAMES[name][0] - 1})
             self.assertGreaterEqual(summary["priors"]["rejected"], 3)
-            self.assertGreaterEqual(summary["priors"]["suspended"], frames // 2)
-            self.compare(f"{name}, {text}, times those without", name, errors, without, factors)
+            self.assertGreaterEqual(summary["priors"]["suspended"], FRAMES[name][0] // 2)
+            for key in keys:
+                ratios[key].append(errors[key] / without[key])
+        for key in keys:
+            median = float(np.median(ratios[key]))
+            right_half = right[key] / without[key]
+            print(f"\n{name}, {text}, {key} times that without: {median:.3f}, of",
+                  " ".join(f"{ratio:.3f}" for ratio in sorted(ratios[key])),
+                  f"; right half alone {right_half:.3f}", flush=True)
+            with self.subTest(priors=text, error=key):
+                self.assertLess(median, self.FACTOR * max(1.0, right_half))
 
-    def test_kitti_raw_0926_0001(self):
-        self.check_wrong("kitti_raw_0926_0001")  # at most 1.0
-
-    def test_kitti_06_000_050(self):
-        # 1.06 to 1.07 with five seeds of the noise: by the right half of the priors, see below.
-        self.check_wrong("kitti_06_000-050", {"ate_m": 1.09})
-
-    def test_the_wrong_half_alone_does_no_harm_to_kitti_06(self):
-        """The wrong ones leave every bit as it is; the right ones make the ATE 1.058 times as large: they are the
-        ground truth's, 35 (RMS) of the images' standard deviations away from the motions by the images."""
-        name = "kitti_06_000-050"
+    def check_wrong(self, name):
         folder = data_folder(name)
         _, without = self.scores(name)
-        summary, errors = self.with_priors(name, wheel_rows(folder, 1.3, which=(1,)))
+        self.check_median(name, "rotations wrong by 5 deg/s", lambda which, seed: gyroscope_rows(
+            folder, 1, WRONG_RATE, seed, which), without)
+        self.check_median(name, "distances 30 % too long", lambda which, seed: wheel_rows(
+            folder, 1.3, seed, which), without)
+
+    def check_no_trace(self, name, rows):
+        """Without the right ones between them, the wrong ones leave every bit as it is."""
+        _, without = self.scores(name)
+        summary, errors = self.with_priors(name, rows)
         self.assertNotIn("used", summary["priors"])
         self.assertEqual(errors, without)
 
+    def test_kitti_raw_0926_0001(self):
+        self.check_wrong("kitti_raw_0926_0001")
+
+    def test_kitti_06_000_050(self):
+        # Right priors are the ground truth's: 35 (RMS) of the images' standard deviations away from their motions.
+        self.check_wrong("kitti_06_000-050")
+
+    def test_the_wrong_half_alone_leaves_no_trace_on_kitti_06(self):
+        name = "kitti_06_000-050"
+        self.check_no_trace(name, wheel_rows(data_folder(name), 1.3, which=WRONG))
+
     def test_euroc_mh_01_000_099(self):
-        self.check_wrong("euroc_MH_01_000-099")  # at most 1.02, of two draws
+        self.check_wrong("euroc_MH_01_000-099")
 
     def test_rendered_town(self):
-        self.check_wrong("rendered_town")  # at most 1.01
+        self.check_wrong("rendered_town")
 
     def test_rendered_lowtexture(self):
-        self.check_wrong("rendered_lowtexture")  # at most 1.0
+        self.check_wrong("rendered_lowtexture")
 
     def test_rendered_plaster(self):
-        # Rotations: 1.10 and 1.08; 1.03 to 1.14 (ATE) and 0.92 to 1.08 with four draws, 0.0042 to 0.0047 m beside 0.0041 m.
-        # Wrong ones are rejected, but points of coarser levels have been searched around their predictions.
-        self.check_wrong("rendered_plaster", gyroscope_factors={"ate_m": 1.12, "rpe_r_deg": 1.1})
+        self.check_wrong("rendered_plaster")
+
+    def test_the_wrong_half_alone_leaves_no_trace_on_plaster(self):
+        """Nor among its points of coarser levels, which are searched around what a prior predicts."""
+        name = "rendered_plaster"
+        self.check_no_trace(name, gyroscope_rows(data_folder(name), 1, WRONG_RATE, which=WRONG))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@
 #include "features/feature_mask.h"
 #include "features/stereo_feature_detector.h"
 #include "motion/frame_context.h"
+#include "odometry/coarser_points.h"
 #include "odometry/frame_report.h"
 #include "odometry/image_scaling.h"
 #include "odometry/odometry_state.h"
@@ -20,7 +21,14 @@
 
 namespace point_line_odometry {
 
-/// The pipeline, as in the diagram of doc/how_it_works.md: process() and update() are one frame.
+/// What a stereo pair shows, and the motion to it.
+struct TrackedFrame {
+  FrameContext context;
+  StereoFrame frame;
+  TrackingResult tracking;
+};
+
+/// The pipeline, as in the diagram of doc/how_it_works.md: track() and update() are one frame.
 class StereoOdometry::Impl {
  public:
   Impl(const StereoCamera& camera, const Parameters& parameters)
@@ -49,8 +57,8 @@ class StereoOdometry::Impl {
 
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
-  void update(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
-              const FramePrior& prior, FrameResult* result);
+  TrackedFrame track(FrameContext context, const FramePrior& prior, FrameResult* result);
+  void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
   void giveUp(const char* error, const FramePrior& prior, FrameResult* result);
   void restartTracking();
 };
@@ -82,9 +90,23 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   FrameContext context{images, scaling.camera(), correction, parameters, state.noise};
   context.masks = masks_now;
 
+  TrackedFrame curr = track(context, prior, result);
+  const PriorReport prior_report = curr.tracking.prior;
+  if (prior_report.use != PriorUse::kRejected || !hasCoarserPoints(curr.frame)) {
+    update(std::move(curr), prior, result);
+    return;
+  }
+  // Points of coarser levels were searched where the rejected prior predicted them.
+  TrackedFrame without_prior = track(context, {}, result);
+  without_prior.tracking.prior = prior_report;
+  update(std::move(without_prior), prior, result);
+}
+
+TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,
+                                         FrameResult* result) {
   // Detect, match left with right, triangulate.
-  const auto start = state.trackingStart(images.stamp_ns, prior, parameters);
-  StereoFrame curr = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
+  const auto start = state.trackingStart(context.images.stamp_ns, prior, parameters);
+  StereoFrame frame = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
 
   // Apply the bundle adjustment that ran meanwhile to the map.
   {
@@ -93,25 +115,21 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   }
 
   // Match with the previous frame and the map, estimate the motion.
-  const double dt_s = state.stamp_ns ? toSeconds(curr.stamp_ns - *state.stamp_ns) : 0.0;
-  const TrackingResult tracked =
-      trackOrRelocalize(state, curr, prior, context, dt_s, threads.get(), &result->times);
-
-  update(std::move(curr), context, tracked, prior, result);
+  const double dt_s = state.stamp_ns ? toSeconds(frame.stamp_ns - *state.stamp_ns) : 0.0;
+  TrackingResult tracking =
+      trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
+  return {std::move(context), std::move(frame), std::move(tracking)};
 }
 
-void StereoOdometry::Impl::update(StereoFrame curr, const FrameContext& context,
-                                  const TrackingResult& tracked, const FramePrior& prior,
-                                  FrameResult* result) {
-  if (tracked.in_lost_map) state.returnToLostMap();
-  reportTracking(state, curr, context.camera, tracked, prior, result);
-  state.update(std::move(curr), context, tracked, prior, threads.get(), &result->times);
+void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, FrameResult* result) {
+  if (curr.tracking.in_lost_map) state.returnToLostMap();
+  reportTracking(state, curr.frame, curr.context.camera, curr.tracking, prior, result);
+  state.update(std::move(curr.frame), curr.context, curr.tracking, prior, threads.get(),
+               &result->times);
   const StageTimer timer(&result->times, Stage::kUpdateMap);
-  window.start(context.camera, parameters, &state.history.map);
+  window.start(curr.context.camera, parameters, &state.history.map);
 }
 
-/// Before the pose is updated, the state is as before, and the next frame is matched with the same
-/// previous one; after that, the landmarks may be half updated.
 void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, FrameResult* result) {
   if (state.stamp_ns == result->stamp_ns) {
     restartTracking();
