@@ -6,23 +6,12 @@
 namespace point_line_odometry {
 namespace {
 
-/// Derivative of backProject() by (u, v, disparity).
-Eigen::Matrix3d backProjectJacobian(const StereoCamera& camera, const Eigen::Vector3d& p,
-                                    double disparity_px) {
-  const double z = p.z();
-  Eigen::Matrix3d J;
-  J << z / camera.fx, 0.0, -p.x() / disparity_px,  //
-      0.0, z / camera.fy, -p.y() / disparity_px,   //
-      0.0, 0.0, -z / disparity_px;
-  return J;
-}
-
 /// \param disparity_error_px of the disparity, in addition to the noise of the pixels.
 TriangulatedPoint pointAt(const StereoCamera& camera, const Eigen::Vector2d& left_px,
                           double disparity_px, double sigma_px, double disparity_error_px) {
   TriangulatedPoint point;
   point.p_camera = backProject(camera, left_px, disparity_px);
-  const Eigen::Matrix3d J = backProjectJacobian(camera, point.p_camera, disparity_px);
+  const Eigen::Matrix3d J = backProjectionJacobian(camera, point.p_camera, disparity_px);
   const double variance = sigma_px * sigma_px;
   Eigen::Matrix3d pixel_covariance = Eigen::Matrix3d::Identity() * variance;
   pixel_covariance(2, 2) = 2.0 * variance + disparity_error_px * disparity_error_px;
@@ -42,6 +31,16 @@ Eigen::Vector3d backProject(const StereoCamera& camera, const Eigen::Vector2d& l
                             double disparity_px) {
   const double z = camera.fx * camera.baseline_m / disparity_px;
   return {(left_px.x() - camera.cx) * z / camera.fx, (left_px.y() - camera.cy) * z / camera.fy, z};
+}
+
+Eigen::Matrix3d backProjectionJacobian(const StereoCamera& camera, const Eigen::Vector3d& p,
+                                       double disparity_px) {
+  const double z = p.z();
+  Eigen::Matrix3d J;
+  J << z / camera.fx, 0.0, -p.x() / disparity_px,  //
+      0.0, z / camera.fy, -p.y() / disparity_px,   //
+      0.0, 0.0, -z / disparity_px;
+  return J;
 }
 
 std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,
@@ -89,7 +88,7 @@ std::optional<TriangulatedLine> triangulateLine(const StereoCamera& camera, cons
 
     const Eigen::Vector3d p = backProject(camera, pixel, disparity);
     (end == 0 ? line.start_camera : line.end_camera) = p;
-    const Eigen::Matrix3d J_pixel = backProjectJacobian(camera, p, disparity);
+    const Eigen::Matrix3d J_pixel = backProjectionJacobian(camera, p, disparity);
     const double slope = along_right.x() / along_right.y();  // du / dv of the right line
     const double left_shift = normal_left.x() - slope * normal_left.y();
     J.block<3, 1>(3 * end, end) =

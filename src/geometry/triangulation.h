@@ -26,6 +26,11 @@ struct TriangulatedLine {
 Eigen::Vector3d backProject(const StereoCamera& camera, const Eigen::Vector2d& left_px,
                             double disparity_px);
 
+/// Derivative of backProject() by (u, v, disparity) [m/px]. \param p the point [m]. \param
+/// disparity_px its disparity.
+Eigen::Matrix3d backProjectionJacobian(const StereoCamera& camera, const Eigen::Vector3d& p,
+                                       double disparity_px);
+
 /// Nothing if the disparity is below the smallest one.
 /// \param sigma_px noise of the left pixel's coordinates; the disparity's is sqrt(2) of it.
 std::optional<TriangulatedPoint> triangulatePoint(const StereoCamera& camera,

@@ -29,6 +29,9 @@ struct PointCorrespondence : PointObservation {
   Eigen::Vector3d p_prev = Eigen::Vector3d::Zero();      ///< in the previous left camera [m]
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of p_prev [m^2]
   bool far = false;  ///< too far for a depth: it constrains the rotation only
+  /// Added to the residual (u, v in the left, u in the right image): what a refined landmark has
+  /// taken from it.
+  Eigen::Vector3d offset_px = Eigen::Vector3d::Zero();
 };
 
 /// A line with its position in the previous left camera, and its observation in frame k.

@@ -112,7 +112,7 @@ typename MotionProblem<kImages>::SolveResult settleFarPoints(
     if ((translation - shift_of).norm() <= most_px * baseline_m) break;
     shift_of = translation;
     problem->selectAll();
-    problem->linearizeInformation(solved.T_curr_prev);
+    problem->relinearize(solved.T_curr_prev);
     problem->selectInliers(solved.T_curr_prev);
     const int iterations = solved.iterations;
     solved = problem->solve(solved.T_curr_prev, {false, kFineTolerance});
@@ -177,7 +177,7 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   const bool again = parameters.remove_outliers;
   const auto first = problem->solve(start, {false, again ? kCoarseTolerance : kFineTolerance});
   if (!first.usable) return failed(MotionStatus::kSolverFailed, *problem, first.iterations);
-  problem->linearizeInformation(first.T_curr_prev);
+  problem->relinearize(first.T_curr_prev);
   problem->selectInliers(first.T_curr_prev);
   const MatchCounts inliers = countMatches(*problem);
   if (!areEnough(inliers.all, matches.all, parameters))

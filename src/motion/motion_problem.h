@@ -53,9 +53,17 @@ class MotionProblem {
   const std::vector<bool>& pointActive() const { return points_.active(); }
   const std::vector<bool>& lineActive() const { return lines_.active(); }
 
+  /// Square-root information of all residuals at a motion.
   void linearizeInformation(const Eigen::Isometry3d& T_curr_prev) {
     points_.linearizeInformation(T_curr_prev, parameters_.use_triangulation_covariance);
     lines_.linearizeInformation(T_curr_prev, parameters_.use_triangulation_covariance);
+  }
+
+  /// The same at an estimate: landmarks of points are refined by both frames. (Of lines no bias was
+  /// measurable.)
+  void relinearize(const Eigen::Isometry3d& T_curr_prev) {
+    if (parameters_.use_triangulation_covariance) points_.refineLandmarks(T_curr_prev);
+    linearizeInformation(T_curr_prev);
   }
 
   void selectInliers(const Eigen::Isometry3d& T_curr_prev) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "motion/huber_loss.h"
+#include "motion/landmark_refinement.h"
 #include "motion/residuals.h"
 #include "point_line_odometry/types.h"
 
@@ -89,8 +90,9 @@ void OnlineStereoCalibration::addMotion(const Correspondences& correspondences,
   Vector6d motion_vector = Vector6d::Zero();
   Coefficients terms_vector = Coefficients::Zero();
   for (std::size_t i = 0; i < correspondences.points.size(); ++i) {
-    const PointCorrespondence& point = correspondences.points[i];
-    if (!motion.point_inliers[i] || point.far) continue;
+    if (!motion.point_inliers[i] || correspondences.points[i].far) continue;
+    const PointCorrespondence point = withRefinedLandmark<ResidualImages::kBoth>(
+        correspondences.points[i], camera_, motion.T_curr_prev);
     const PointResidual<ResidualImages::kBoth> residual(point, camera_, motion.T_curr_prev);
     if (!residual.valid) continue;
     const Eigen::Matrix3d by_landmark = residual.jacobianByLandmark();

@@ -21,6 +21,7 @@ PointResidual<kImages>::PointResidual(const PointCorrespondence& point, const St
     value(2) = point.right_px.x() - camera.projectRight(p).x();
     J_p_.row(2) << -fx_z, 0.0, fx_z * (p.x() - camera.baseline_m) * inverse_z;
   }
+  value += point.offset_px.template head<kRows>();
 }
 
 template <ResidualImages kImages>

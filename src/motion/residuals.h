@@ -21,12 +21,13 @@ enum class ResidualImages { kLeft, kBoth };
 template <ResidualImages kImages>
 struct PointResidual {
   using Correspondence = PointCorrespondence;
+  static constexpr ResidualImages kResidualImages = kImages;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 3 : 2;
   using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
   using JacobianByLandmark = Eigen::Matrix<double, kRows, 3>;
 
-  Eigen::Matrix<double, kRows, 1> value;
-  bool valid = false;  ///< false if the point is not in front of the camera
+  Eigen::Matrix<double, kRows, 1> value;  ///< with the match's offset
+  bool valid = false;                     ///< false if the point is not in front of the camera
 
   /// The residual of a far point has a zero Jacobian by the translation.
   PointResidual(const PointCorrespondence& point, const StereoCamera& camera,

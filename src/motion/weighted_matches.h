@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "motion/landmark_refinement.h"
 #include "motion/residuals.h"
 
 namespace point_line_odometry {
@@ -20,7 +21,8 @@ class WeightedMatches {
 
   /// All are active. \param matches and \param camera must outlive this.
   WeightedMatches(const std::vector<Correspondence>& matches, const StereoCamera& camera)
-      : matches_(matches),
+      : given_(matches),
+        matches_(matches),
         camera_(camera),
         active_(matches.size(), true),
         sqrt_information_(matches.size()) {}
@@ -54,6 +56,15 @@ class WeightedMatches {
       expected += likelihood / (likelihood + 1.0);
     }
     return expected;
+  }
+
+  /// Of points: moves the landmarks of active matches to where both frames make them most probable
+  /// at a motion; see withRefinedLandmark(). To be followed by linearizeInformation().
+  void refineLandmarks(const Eigen::Isometry3d& T_curr_prev) {
+    for (std::size_t i = 0; i < matches_.size(); ++i) {
+      if (!active_[i]) continue;
+      matches_[i] = withRefinedLandmark<Residual::kResidualImages>(given_[i], camera_, T_curr_prev);
+    }
   }
 
   /// Computes the square-root information at a motion, and drops matches that are behind the camera
@@ -190,7 +201,8 @@ class WeightedMatches {
     return true;
   }
 
-  const std::vector<Correspondence>& matches_;
+  const std::vector<Correspondence>& given_;
+  std::vector<Correspondence> matches_;
   const StereoCamera& camera_;
   std::vector<bool> active_;
   std::vector<bool> usable_;  // those with a square-root information
