@@ -173,7 +173,7 @@ class TrueRotations(PriorSequenceTest):
 class WrongPriors(PriorSequenceTest):
     """Wrong in every second frame, by 5 deg/s or by 30 % of the distance: they are rejected, and no figure is worse
     by more than 5 % than without priors, or than with the right half of them where that is worse. Figures are medians of
-    five draws of the noise: on the built-in sequences, whose ATE is 2 to 4 mm, single ones differ by half."""
+    five draws of the noise: on the built-in sequences, whose ATE is 2 to 5 mm, single ones have differed by half."""
 
     DRAWS = 5
     FACTOR = 1.05
