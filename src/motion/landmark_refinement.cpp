@@ -25,7 +25,6 @@ PointCorrespondence withRefinedLandmark(const PointCorrespondence& match,
                                         const StereoCamera& camera,
                                         const Eigen::Isometry3d& T_curr_prev) {
   using Residual = PointResidual<kImages>;
-  using ResidualCovariance = Eigen::Matrix<double, Residual::kRows, Residual::kRows>;
 
   if (match.far || !(match.p_prev.z() > camera.baseline_m)) return match;
   const double disparity_px = camera.fx * camera.baseline_m / match.p_prev.z();
@@ -37,10 +36,7 @@ PointCorrespondence withRefinedLandmark(const PointCorrespondence& match,
   const Residual residual(match, camera, T_curr_prev);
   if (!residual.valid) return match;
   const typename Residual::JacobianByLandmark J = residual.jacobianByLandmark();
-  const ResidualCovariance covariance =
-      J * match.covariance * J.transpose() +
-      match.sigma_px * match.sigma_px * ResidualCovariance::Identity();
-  const auto weighted = (covariance.inverse() * residual.value).eval();
+  const auto weighted = (residualCovariance(residual, match).inverse() * residual.value).eval();
 
   const double square = residual.value.dot(weighted) / Residual::kRows;
   const double limit = std::sqrt(kMaxSquare / std::max(square, kMaxSquare));

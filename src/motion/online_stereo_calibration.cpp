@@ -96,9 +96,7 @@ void OnlineStereoCalibration::addMotion(const Correspondences& correspondences,
     const PointResidual<ResidualImages::kBoth> residual(point, camera_, motion.T_curr_prev);
     if (!residual.valid) continue;
     const Eigen::Matrix3d by_landmark = residual.jacobianByLandmark();
-    Eigen::Matrix3d covariance = by_landmark * point.covariance * by_landmark.transpose();
-    covariance.diagonal().array() += point.sigma_px * point.sigma_px;
-    const Eigen::Matrix3d weight = covariance.inverse();
+    const Eigen::Matrix3d weight = residualCovariance(residual, point).inverse();
     const double huber =
         HuberLoss(residual.value.dot(weight * residual.value), parameters.huber_delta).weight;
 

@@ -25,6 +25,7 @@ struct PointResidual {
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 3 : 2;
   using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
   using JacobianByLandmark = Eigen::Matrix<double, kRows, 3>;
+  using Covariance = Eigen::Matrix<double, kRows, kRows>;
 
   Eigen::Matrix<double, kRows, 1> value;  ///< with the match's offset
   bool valid = false;                     ///< false if the point is not in front of the camera
@@ -54,6 +55,7 @@ struct LineResidual {
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 4 : 2;
   using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
   using JacobianByLandmark = Eigen::Matrix<double, kRows, 6>;
+  using Covariance = Eigen::Matrix<double, kRows, kRows>;
 
   Eigen::Matrix<double, kRows, 1> value;
   /// False if the line has no direction in the image, or is not in front of the camera.
@@ -74,5 +76,14 @@ struct LineResidual {
   Eigen::Vector3d start_prev_;
   Eigen::Vector3d end_prev_;
 };
+
+/// Covariance of a residual [px^2]: the noise of its pixels, and that of the landmark.
+template <typename Residual>
+typename Residual::Covariance residualCovariance(const Residual& residual,
+                                                 const typename Residual::Correspondence& match) {
+  const typename Residual::JacobianByLandmark J = residual.jacobianByLandmark();
+  return J * match.covariance * J.transpose() +
+         match.sigma_px * match.sigma_px * Residual::Covariance::Identity();
+}
 
 }  // namespace point_line_odometry

@@ -190,10 +190,7 @@ class WeightedMatches {
                                      bool use_triangulation_covariance,
                                      SqrtInformation* sqrt_information) {
     SqrtInformation covariance = match.sigma_px * match.sigma_px * SqrtInformation::Identity();
-    if (use_triangulation_covariance) {
-      const auto J_landmark = residual.jacobianByLandmark();
-      covariance += J_landmark * match.covariance * J_landmark.transpose();
-    }
+    if (use_triangulation_covariance) covariance = residualCovariance(residual, match);
     if (!covariance.allFinite()) return false;
     const Eigen::LLT<SqrtInformation> cholesky(covariance);
     if (cholesky.info() != Eigen::Success) return false;
