@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """What distributors need of the repository: package.xml for bloom, packaging/debian, one version."""
 
+import json
 import os
 import re
 import subprocess
+import tempfile
 import unittest
 import xml.etree.ElementTree as ElementTree
 
@@ -89,6 +91,19 @@ class PackageTest(unittest.TestCase):
         own = {"debhelper-compat", "dh-python", "python3"}
         self.assertEqual(names("Build-Depends", paragraph(self.control, "Source:")) - setup - own,
                          set())
+
+    def test_packages_are_optimised(self):
+        """debhelper and bloom build with the type None and -O2, and without NDEBUG."""
+        with tempfile.TemporaryDirectory() as build:
+            subprocess.run(["cmake", "-S", REPOSITORY, "-B", build, "-DCMAKE_BUILD_TYPE=None",
+                            "-DCMAKE_CXX_FLAGS=-O2", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON",
+                            "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON"],
+                           stdout=subprocess.DEVNULL, check=True)
+            with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as file:
+                commands = json.load(file)
+        self.assertGreater(len(commands), 100)
+        for entry in commands:
+            self.assertRegex(entry["command"], r"-DNDEBUG .*-O2 .*-O3 ", entry["file"])
 
     def test_package_needs_no_compiler_and_no_headers(self):
         depends = names("Depends", paragraph(self.control, "Package:"))
