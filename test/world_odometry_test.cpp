@@ -22,17 +22,25 @@ namespace {
 /// A run through a world: estimates and ground truth, both of the rectified left camera.
 struct RunResult {
   std::vector<FrameResult> results;
-  std::vector<Eigen::Isometry3d> ground_truth;  // relative to frame 0
+  std::vector<Eigen::Isometry3d> ground_truth;  // relative to frame 0 of the world
 };
 
-RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames) {
+/// Frames of the world's path.
+struct Selection {
+  std::size_t count;
+  std::size_t first = 0;
+  std::size_t every = 1;
+};
+
+RunResult run(const SyntheticWorldOptions& options, const Selection& frames) {
   const SyntheticWorld world(options);
   const StereoRectifier rectifier(world.calibration());
   Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
   if (world.needsRectification()) T_rectified_raw.linear() = rectifier.R_rectified_raw();
   StereoOdometry odometry(rectifier.camera(), {});
   RunResult run_result;
-  for (std::size_t k = 0; k < num_frames; ++k) {
+  for (std::size_t i = 0; i < frames.count; ++i) {
+    const std::size_t k = frames.first + i * frames.every;
     StereoImages images = world.render(k);
     if (world.needsRectification()) images = rectifier.rectify(images);
     run_result.results.push_back(odometry.process(images));
@@ -50,18 +58,24 @@ struct NormalisedErrors {
   std::vector<double> pose;
 };
 
+/// Of the velocity since the frame before.
+double normalisedVelocityError(const RunResult& run_result, std::size_t k) {
+  const FrameResult& result = run_result.results[k];
+  const double dt_s =
+      1e-9 * static_cast<double>(result.stamp_ns - run_result.results[k - 1].stamp_ns);
+  const Vector6d error =
+      result.twist -
+      velocityOfMotion(run_result.ground_truth[k - 1].inverse() * run_result.ground_truth[k], dt_s);
+  return error.dot(result.twist_covariance.ldlt().solve(error));
+}
+
 void append(const RunResult& run_result, NormalisedErrors* errors) {
   constexpr std::size_t kPosePeriod = 4;  // errors of successive poses are nearly the same
   for (std::size_t k = 2; k < run_result.results.size(); ++k) {
     const FrameResult& result = run_result.results[k];
     EXPECT_EQ(result.state, TrackingState::kOk) << k << " " << toString(result.reason);
-    const double dt_s =
-        1e-9 * static_cast<double>(result.stamp_ns - run_result.results[k - 1].stamp_ns);
     const Eigen::Isometry3d& ground_truth = run_result.ground_truth[k];
-    const Vector6d of_velocity =
-        result.twist -
-        velocityOfMotion(run_result.ground_truth[k - 1].inverse() * ground_truth, dt_s);
-    errors->velocity.push_back(of_velocity.dot(result.twist_covariance.ldlt().solve(of_velocity)));
+    errors->velocity.push_back(normalisedVelocityError(run_result, k));
     if (k % kPosePeriod != 0) continue;
     const Eigen::AngleAxisd turn(result.T_odom_camera.linear() * ground_truth.linear().transpose());
     Vector6d of_pose;
@@ -87,7 +101,7 @@ TEST_P(Consistency, NormalisedErrorsAreNotTooLarge) {
     SyntheticWorldOptions options;
     options.scene = GetParam();
     options.seed = seed;
-    append(run(options, 25), &errors);
+    append(run(options, {25}), &errors);
   }
   RecordProperty("mean_of_velocity", std::to_string(mean(errors.velocity)));
   RecordProperty("mean_of_pose", std::to_string(mean(errors.pose)));
@@ -120,7 +134,7 @@ TEST(HardMotion, FastPureRotation) {
   SyntheticWorldOptions options;
   options.scene = "indoor";
   options.path = turns(kFrames);
-  const RunResult turning = run(options, kFrames);
+  const RunResult turning = run(options, {kFrames});
   double fastest_deg = 0.0;
   for (std::size_t k = 1; k < kFrames; ++k) {
     const FrameResult& result = turning.results[k];
@@ -133,6 +147,24 @@ TEST(HardMotion, FastPureRotation) {
                                                  ground_truth.linear()));
   }
   EXPECT_GT(fastest_deg, 4.9) << "the test must be hard";
+}
+
+/// In a turn at every 4th frame, all matches of one frame are wrong: they lie within the search
+/// radius around a prediction that is 18 px off, and agree on a motion 0.3 m and 1 degree beside
+/// the true one. The map finds a quarter of the usual share of landmarks there.
+TEST(HardMotion, TheMapRefutesWrongMatchesThatAgree) {
+  SyntheticWorldOptions options;
+  options.scene = "corridor";
+  options.seed = 11;
+  const RunResult turning = run(options, {48, 0, 4});
+  int ok = 0;  // frames after an OK one
+  for (std::size_t k = 2; k < turning.results.size(); ++k) {
+    const auto isOk = [&](std::size_t i) { return turning.results[i].state == TrackingState::kOk; };
+    if (!isOk(k - 1) || !isOk(k)) continue;
+    ++ok;
+    EXPECT_LT(normalisedVelocityError(turning, k), 36.0) << k;
+  }
+  EXPECT_GE(ok, 44);
 }
 
 }  // namespace

@@ -98,14 +98,18 @@ int countInliers(const std::vector<bool>& inliers, std::size_t num_matches) {
   return static_cast<int>(std::count(inliers.begin(), end, true));
 }
 
-double shareFound(const LandmarkMatches& landmark_matches, const MotionEstimate& motion) {
-  const auto in_view = [](const std::vector<bool>& landmarks) {
-    return std::count(landmarks.begin(), landmarks.end(), true);
+int countInView(const LandmarkMatches& landmark_matches) {
+  const auto count = [](const std::vector<bool>& landmarks) {
+    return static_cast<int>(std::count(landmarks.begin(), landmarks.end(), true));
   };
-  const auto all = in_view(landmark_matches.point_in_view) + in_view(landmark_matches.line_in_view);
+  return count(landmark_matches.point_in_view) + count(landmark_matches.line_in_view);
+}
+
+double shareFound(const LandmarkMatches& landmark_matches, const MotionEstimate& motion) {
+  const int all = countInView(landmark_matches);
   const int found = countInliers(motion.point_inliers, landmark_matches.points.size()) +
                     countInliers(motion.line_inliers, landmark_matches.lines.size());
-  return static_cast<double>(found) / std::max(static_cast<double>(all), 1.0);
+  return static_cast<double>(found) / std::max(all, 1);
 }
 
 LandmarkMatches LocalMap::find(const StereoFrame& frame, const FrameContext& context,

@@ -25,6 +25,8 @@ namespace point_line_odometry {
 /// Number of inliers among the first `num_matches` matches; those beyond are not of landmarks.
 int countInliers(const std::vector<bool>& inliers, std::size_t num_matches);
 
+int countInView(const LandmarkMatches& landmark_matches);
+
 /// Share of the landmarks in view that were matched and are inliers of a motion.
 double shareFound(const LandmarkMatches& landmark_matches, const MotionEstimate& motion);
 

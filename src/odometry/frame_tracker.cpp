@@ -27,6 +27,12 @@ constexpr double kShareFound = 0.25;
 // moves otherwise is not.
 constexpr double kShareOfScene = 0.1;
 
+// A right motion finds at least this fraction of the landmarks that are expected by the share found
+// in the frames before (in all sequences that are never lost), if these are so many that it is not
+// by chance.
+constexpr double kShareConfirmed = 0.5;
+constexpr double kMinExpected = 10.0;
+
 // Of the search radius, around points predicted by a rotation that far points agree on within a few
 // pixels: clouds and a sky's noise give many wrong matches.
 constexpr double kRadiusOfRotation = 0.3;
@@ -46,10 +52,15 @@ void appendMatches(const std::vector<Correspondence>& matches, const MotionEstim
   }
 }
 
-/// Share of an earlier frame's features in view after a motion that were matched and are inliers; 0
-/// without a motion. Far points are left out: they agree with any translation.
+/// Far points agree with any translation, but not with any rotation.
+enum class FarPoints { kLeftOut, kCounted };
+
+/// Share of an earlier frame's features in view after the motion from frame to frame that were
+/// matched and are inliers; 0 without a motion.
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
-                  const Correspondences& matches, const MotionEstimate& motion) {
+                  const TrackingResult& tracked, FarPoints far_points = FarPoints::kLeftOut) {
+  const MotionEstimate& motion = tracked.frame_to_frame;
+  const std::vector<PointCorrespondence>& matches = tracked.correspondences.points;
   if (!motion.ok()) return 0.0;
   const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
     const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
@@ -58,18 +69,21 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
     return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
            left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
   };
-  const auto points = std::count_if(
-      earlier.points.begin(), earlier.points.end(),
-      [&](const StereoPoint& point) { return !point.far && in_view(point.triangulated.p_camera); });
+  const bool with_far = far_points == FarPoints::kCounted;
+  const auto points =
+      std::count_if(earlier.points.begin(), earlier.points.end(), [&](const StereoPoint& point) {
+        return (with_far || !point.far) && in_view(point.triangulated.p_camera);
+      });
   const auto lines =
       std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
         return line.triangulated &&
                (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
       });
-  int far = 0;
-  for (std::size_t i = 0; i < matches.points.size(); ++i)
-    far += motion.point_inliers[i] && matches.points[i].far ? 1 : 0;
-  const auto found = static_cast<double>(motion.num_point_inliers - far + motion.num_line_inliers);
+  int left_out = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i)
+    left_out += !with_far && motion.point_inliers[i] && matches[i].far ? 1 : 0;
+  const auto found =
+      static_cast<double>(motion.num_point_inliers - left_out + motion.num_line_inliers);
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
@@ -101,6 +115,20 @@ bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matc
                        const MotionEstimate& motion) {
   return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognized &&
          shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
+}
+
+/// Keeps the matches from frame to frame, none of them as an inlier.
+void dropMotion(TrackingResult* tracked) {
+  MotionEstimate none;
+  none.status = MotionStatus::kTooFewInliers;
+  none.point_inliers.assign(tracked->correspondences.points.size(), false);
+  none.line_inliers.assign(tracked->correspondences.lines.size(), false);
+  tracked->motion = tracked->frame_to_frame = none;
+  tracked->image_motion.reset();
+  tracked->prior = {};
+  tracked->landmark_matches.points.clear();
+  tracked->landmark_matches.lines.clear();
+  tracked->reason = TrackingReason::kTooFewInliers;
 }
 
 TrackingReason trackingReason(MotionStatus status) {
@@ -142,6 +170,7 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     const StageTimer timer(times_, Stage::kMap);
     trackLocalMap(curr, expected, &tracked);
     if (tracked.prior.use == PriorUse::kRejected) return tracked;
+    if (tracked.motion.ok() && isRefuted(tracked)) dropMotion(&tracked);
   }
   constrainWeakAxes(curr, &tracked);
   if (tracked.motion.ok()) {
@@ -151,6 +180,22 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     if (found.relocalized) return found;
   }
   return tracked;
+}
+
+/// True if wrong matches within the search radius agreed on the motion from frame to frame: few
+/// features of the previous frame are found at it, and still fewer landmarks. Where something hides
+/// most of the scene, landmarks are found as the rest of the features is.
+bool FrameTracker::isRefuted(const TrackingResult& tracked) const {
+  const LandmarkMatches& landmarks = tracked.landmark_matches;
+  const int found = countInliers(tracked.motion.point_inliers, landmarks.points.size()) +
+                    countInliers(tracked.motion.line_inliers, landmarks.lines.size());
+  const int from_frame_to_frame =
+      tracked.frame_to_frame.num_point_inliers + tracked.frame_to_frame.num_line_inliers;
+  const double expected = history_.map->shareFound() * countInView(landmarks);
+  return expected >= kMinExpected && found < kShareConfirmed * expected &&
+         found < kShareConfirmed * from_frame_to_frame &&
+         shareFound(*history_.previous, context_.camera, tracked, FarPoints::kCounted) <
+             kShareFound;
 }
 
 /// Compares the prior with the motion by the images, if there is one.
@@ -240,9 +285,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
                                               ThreadPool* threads) const {
   TrackingResult tracked = matchAndEstimateNear(earlier, curr, expected, stages, threads);
   if (!parameters_.matching.wide_search) return tracked;
-  if (shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame) >=
-      kShareFound)
-    return tracked;
+  if (shareFound(earlier, context_.camera, tracked) >= kShareFound) return tracked;
   tracked = matchAndEstimateByConsensus(tracked, earlier, curr, expected, stages, threads);
   if (tracked.frame_to_frame.ok()) return tracked;
   const std::optional<MotionConsensus> turned =
@@ -267,10 +310,8 @@ TrackingResult FrameTracker::matchAndEstimateByConsensus(
   const Expectation by_appearance{{consensus->T_curr_prev, parameters_.matching.search_radius_px},
                                   expected.prior};
   TrackingResult retried = matchAndEstimateNear(earlier, curr, by_appearance, stages, threads);
-  const double found =
-      shareFound(earlier, context_.camera, tracked.correspondences, tracked.frame_to_frame);
-  const double found_retried =
-      shareFound(earlier, context_.camera, retried.correspondences, retried.frame_to_frame);
+  const double found = shareFound(earlier, context_.camera, tracked);
+  const double found_retried = shareFound(earlier, context_.camera, retried);
   if (found >= kShareOfScene && isPlausible(tracked.frame_to_frame, expected, earlier, curr) &&
       !isPlausible(retried.frame_to_frame, expected, earlier, curr))
     return tracked;
