@@ -92,18 +92,27 @@ class PackageTest(unittest.TestCase):
         self.assertEqual(names("Build-Depends", paragraph(self.control, "Source:")) - setup - own,
                          set())
 
-    def test_packages_are_optimised(self):
-        """debhelper and bloom build with the type None and -O2, and without NDEBUG."""
+    def compiler_calls(self, *options):
+        """Of a build as debhelper's, whose type is None."""
         with tempfile.TemporaryDirectory() as build:
             subprocess.run(["cmake", "-S", REPOSITORY, "-B", build, "-DCMAKE_BUILD_TYPE=None",
                             "-DCMAKE_CXX_FLAGS=-O2", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON",
-                            "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON"],
+                            "-DCMAKE_DISABLE_FIND_PACKAGE_catkin=ON", *options],
                            stdout=subprocess.DEVNULL, check=True)
             with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as file:
-                commands = json.load(file)
-        self.assertGreater(len(commands), 100)
-        for entry in commands:
-            self.assertRegex(entry["command"], r"-DNDEBUG .*-O2 .*-O3 ", entry["file"])
+                calls = [entry["command"] for entry in json.load(file)]
+        self.assertGreater(len(calls), 100)
+        return calls
+
+    def test_packages_are_optimised(self):
+        for call in self.compiler_calls("-DCATKIN_BUILD_BINARY_PACKAGE=ON"):
+            self.assertRegex(call, r"-DNDEBUG .*-O2 .*-O3 ")
+        self.assertIn("-DCATKIN_BUILD_BINARY_PACKAGE=ON", text("packaging", "debian", "rules"))
+
+    def test_other_builds_have_the_flags_they_are_given(self):
+        """Such as those of scripts/sanitize and scripts/fuzz, with assertions."""
+        for call in self.compiler_calls():
+            self.assertNotRegex(call, r"NDEBUG|-O3")
 
     def test_package_needs_no_compiler_and_no_headers(self):
         depends = names("Depends", paragraph(self.control, "Package:"))
