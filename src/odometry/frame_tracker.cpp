@@ -27,9 +27,9 @@ constexpr double kShareFound = 0.25;
 // moves otherwise is not.
 constexpr double kShareOfScene = 0.1;
 
-// A right motion finds at least this fraction of the landmarks that are expected by the share found
-// in the frames before (in all sequences that are never lost), if these are so many that it is not
-// by chance.
+// At a right motion the share of landmarks found is at least this fraction of that in the frames
+// before (in all sequences that are never lost), and of the share of features found. It is not
+// looked at where fewer landmarks are expected.
 constexpr double kShareConfirmed = 0.5;
 constexpr double kMinExpected = 10.0;
 
@@ -152,7 +152,7 @@ TrackingResult FrameTracker::track(const StereoFrame& curr) const {
   if (tracked.prior.use == PriorUse::kRejected) {
     const PriorReport rejected = tracked.prior;
     tracked = trackWith(curr, nullptr);
-    tracked.prior = rejected;
+    if (tracked.image_motion) tracked.prior = rejected;  // not by a motion that was dropped
   } else if (prior_.use == PriorUse::kSuspended) {
     comparePrior(&tracked);
     tracked.prior.use = PriorUse::kSuspended;
@@ -182,20 +182,18 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
   return tracked;
 }
 
-/// True if wrong matches within the search radius agreed on the motion from frame to frame: few
-/// features of the previous frame are found at it, and still fewer landmarks. Where something hides
-/// most of the scene, landmarks are found as the rest of the features is.
+/// True if wrong matches agreed on the motion: few features of the previous frame are found at it,
+/// and of the landmarks far fewer, compared with the frames before and with the features. Where
+/// something hides most of the scene, as many landmarks are found as features.
 bool FrameTracker::isRefuted(const TrackingResult& tracked) const {
-  const LandmarkMatches& landmarks = tracked.landmark_matches;
-  const int found = countInliers(tracked.motion.point_inliers, landmarks.points.size()) +
-                    countInliers(tracked.motion.line_inliers, landmarks.lines.size());
-  const int from_frame_to_frame =
-      tracked.frame_to_frame.num_point_inliers + tracked.frame_to_frame.num_line_inliers;
-  const double expected = history_.map->shareFound() * countInView(landmarks);
-  return expected >= kMinExpected && found < kShareConfirmed * expected &&
-         found < kShareConfirmed * from_frame_to_frame &&
-         shareFound(*history_.previous, context_.camera, tracked, FarPoints::kCounted) <
-             kShareFound;
+  const double usual = history_.map->shareFound();
+  const double landmarks = shareFound(tracked.landmark_matches, tracked.motion);
+  if (usual * countInView(tracked.landmark_matches) < kMinExpected ||
+      landmarks >= kShareConfirmed * usual)
+    return false;
+  const double features =
+      shareFound(*history_.previous, context_.camera, tracked, FarPoints::kCounted);
+  return features < kShareFound && landmarks < kShareConfirmed * features;
 }
 
 /// Compares the prior with the motion by the images, if there is one.

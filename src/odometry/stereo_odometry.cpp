@@ -98,7 +98,7 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   }
   // Points of coarser levels were searched where the rejected prior predicted them.
   TrackedFrame without_prior = track(context, {}, result);
-  without_prior.tracking.prior = prior_report;
+  if (without_prior.tracking.image_motion) without_prior.tracking.prior = prior_report;
   update(std::move(without_prior), prior, result);
 }
 
