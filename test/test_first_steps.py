@@ -89,6 +89,10 @@ class WorkspaceTest(unittest.TestCase):
 
 
 class LaunchFileTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="point_line_launch_")
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
     def parameters(self, name, *arguments):
         """What the launch file sets, without starting anything."""
         result = subprocess.run(["roslaunch", "--dump-params", PACKAGE, name, "bag:=some.bag",
@@ -118,6 +122,25 @@ class LaunchFileTest(unittest.TestCase):
                 self.assertEqual(self.parameters(launch), self.configuration(dataset + ".yaml"))
                 self.assertEqual(self.parameters(launch, "config:=" + paper),
                                  {**self.configuration("paper.yaml"), **raw})
+
+
+    def test_cameras_leave_the_parameters_of_a_file_and_take_all_arguments(self):
+        own = os.path.join(self.folder, "own.yaml")
+        write(own, "publish_tf: false\nodom_frame_id: visual_odom\n")
+        launch = ("camera.launch", "camera:=zed", "config:=" + own)
+        self.assertEqual(self.parameters(*launch),
+                         {"publish_tf": False, "odom_frame_id": "visual_odom", "rectify": False,
+                          "approximate_sync": False, "base_frame_id": "base_link"})
+        given = self.parameters(*launch, "base_frame_id:=zed_base", "imu:=true", "planar:=true")
+        self.assertEqual(given["base_frame_id"], "zed_base")
+        self.assertTrue(given["imu/enabled"] and given["planar/enabled"], given)
+        result = subprocess.run(
+            ["roslaunch", "--args", "/stereo/stereo_odometry", PACKAGE, *launch,
+             "driver_ns:=/front", "imu_topic:=/front/imu"],
+            stdout=subprocess.PIPE, universal_newlines=True, timeout=60, check=True)
+        for remapping in ("left/image_rect:=/front/left/image_rect_gray", "imu:=/front/imu",
+                          "right/camera_info:=/front/right/camera_info"):
+            self.assertIn(f" {remapping} ", result.stdout)
 
 
 class RunningNodeTest(RosTest):
