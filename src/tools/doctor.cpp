@@ -205,7 +205,8 @@ int runCommandLine(int argc, char** argv) {
                  "calibration, rectification, swapped cameras, tf and time per frame. Each fault\n"
                  "has a hint. Exit code 0: nothing failed; 1: a line says WARN or ERROR; 2:\n"
                  "nothing could be checked. Names are resolved as the odometry does:\n"
-                 "  rosrun point_line_odometry doctor --ns stereo /stereo/left/image_rect:=/cam0/image\n\n"
+                 "  rosrun point_line_odometry doctor --ns stereo "
+                 "/stereo/left/image_rect:=/cam0/image\n\n"
               << visible;
     return 0;
   }
