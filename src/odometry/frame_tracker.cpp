@@ -52,15 +52,22 @@ void appendMatches(const std::vector<Correspondence>& matches, const MotionEstim
   }
 }
 
-/// Far points agree with any translation, but not with any rotation.
-enum class FarPoints { kLeftOut, kCounted };
+/// Far points among the inliers from frame to frame.
+int countFarInliers(const TrackingResult& tracked) {
+  if (!tracked.frame_to_frame.ok()) return 0;
+  const std::vector<PointCorrespondence>& matches = tracked.correspondences.points;
+  int far = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i)
+    far += tracked.frame_to_frame.point_inliers[i] && matches[i].far ? 1 : 0;
+  return far;
+}
 
 /// Share of an earlier frame's features in view after the motion from frame to frame that were
-/// matched and are inliers; 0 without a motion.
+/// matched and are inliers; 0 without a motion. Far points are left out: they agree with any
+/// translation.
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
-                  const TrackingResult& tracked, FarPoints far_points = FarPoints::kLeftOut) {
+                  const TrackingResult& tracked) {
   const MotionEstimate& motion = tracked.frame_to_frame;
-  const std::vector<PointCorrespondence>& matches = tracked.correspondences.points;
   if (!motion.ok()) return 0.0;
   const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
     const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
@@ -69,21 +76,15 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
     return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
            left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
   };
-  const bool with_far = far_points == FarPoints::kCounted;
-  const auto points =
-      std::count_if(earlier.points.begin(), earlier.points.end(), [&](const StereoPoint& point) {
-        return (with_far || !point.far) && in_view(point.triangulated.p_camera);
-      });
+  const auto points = std::count_if(
+      earlier.points.begin(), earlier.points.end(),
+      [&](const StereoPoint& point) { return !point.far && in_view(point.triangulated.p_camera); });
   const auto lines =
       std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
         return line.triangulated &&
                (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
       });
-  int left_out = 0;
-  for (std::size_t i = 0; i < matches.size(); ++i)
-    left_out += !with_far && motion.point_inliers[i] && matches[i].far ? 1 : 0;
-  const auto found =
-      static_cast<double>(motion.num_point_inliers - left_out + motion.num_line_inliers);
+  const int found = motion.num_point_inliers - countFarInliers(tracked) + motion.num_line_inliers;
   return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
@@ -184,15 +185,16 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
 
 /// True if wrong matches agreed on the motion: few features of the previous frame are found at it,
 /// and of the landmarks far fewer, compared with the frames before and with the features. Where
-/// something hides most of the scene, as many landmarks are found as features.
+/// something hides most of the scene, as many landmarks are found as features. Where most inliers
+/// are far points, as on top of a hill, the translation is the prediction's.
 bool FrameTracker::isRefuted(const TrackingResult& tracked) const {
   const double usual = history_.map->shareFound();
   const double landmarks = shareFound(tracked.landmark_matches, tracked.motion);
   if (usual * countInView(tracked.landmark_matches) < kMinExpected ||
       landmarks >= kShareConfirmed * usual)
     return false;
-  const double features =
-      shareFound(*history_.previous, context_.camera, tracked, FarPoints::kCounted);
+  if (2 * countFarInliers(tracked) > tracked.frame_to_frame.num_point_inliers) return false;
+  const double features = shareFound(*history_.previous, context_.camera, tracked);
   return features < kShareFound && landmarks < kShareConfirmed * features;
 }
 
