@@ -123,7 +123,6 @@ class LaunchFileTest(unittest.TestCase):
                 self.assertEqual(self.parameters(launch, "config:=" + paper),
                                  {**self.configuration("paper.yaml"), **raw})
 
-
     def test_cameras_leave_the_parameters_of_a_file_and_take_all_arguments(self):
         own = os.path.join(self.folder, "own.yaml")
         write(own, "publish_tf: false\nodom_frame_id: visual_odom\n")
