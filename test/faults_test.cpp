@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iostream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -181,6 +182,70 @@ TEST(Faults, AGapIsNoLeaveToJump) {
   EXPECT_EQ(unknown.reason, TrackingReason::kFrameGap);
   EXPECT_LT(distance(unknown.T_odom_camera, after.T_odom_camera), 0.06);
 }
+
+// --- Cameras that expose each image anew
+
+struct ExposureCase {
+  const char* name;
+  std::function<double(int)> left;  // gain of frame k
+  std::function<double(int)> right;
+};
+
+StereoImages exposed(int k, const ExposureCase& camera) {
+  StereoImages images = drive(k);
+  images.left *= camera.left(k);
+  images.right *= camera.right(k);
+  return images;
+}
+
+/// Of the drive through the room [m], [rad].
+struct MotionErrors {
+  double translation_rms_m = 0.0;
+  double rotation_rms_rad = 0.0;
+};
+
+MotionErrors errorsOf(const ExposureCase& camera) {
+  constexpr int kEnd = 24;
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  MotionErrors squares;
+  Isometry3d before;
+  for (int k = 0; k < kEnd; ++k) {
+    const FrameResult result = odometry.process(exposed(k, camera));
+    EXPECT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
+    if (k > 0) {
+      const Isometry3d moved = before.inverse() * result.T_odom_camera;
+      const Isometry3d ground_truth = synthetic::truePose(k - 1).inverse() * synthetic::truePose(k);
+      squares.translation_rms_m += std::pow(distance(moved, ground_truth), 2) / (kEnd - 1);
+      squares.rotation_rms_rad += std::pow(angle(moved, ground_truth), 2) / (kEnd - 1);
+    }
+    before = result.T_odom_camera;
+  }
+  return {std::sqrt(squares.translation_rms_m), std::sqrt(squares.rotation_rms_rad)};
+}
+
+double constantly(int /*k*/) { return 1.0; }
+double alternating(int k) { return k % 2 == 0 ? 0.9 : 0.6; }
+double intoATunnel(int k) { return k < 8 ? 1.0 : std::max(0.3, 1.0 - 0.15 * (k - 7)); }
+
+class ExposureTest : public ::testing::TestWithParam<ExposureCase> {};
+
+TEST_P(ExposureTest, CostsLittle) {
+  const MotionErrors errors = errorsOf(GetParam());
+  const MotionErrors without = errorsOf({"", constantly, constantly});
+  std::cout << "translation " << without.translation_rms_m << " -> " << errors.translation_rms_m
+            << " m, rotation " << without.rotation_rms_rad << " -> " << errors.rotation_rms_rad
+            << " rad\n";
+  EXPECT_LT(errors.translation_rms_m, 1.5 * without.translation_rms_m);
+  EXPECT_LT(errors.rotation_rms_rad, 1.5 * without.rotation_rms_rad);
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, ExposureTest,
+                         ::testing::Values(ExposureCase{"alternating", alternating, alternating},
+                                           ExposureCase{"into_a_tunnel", intoATunnel, intoATunnel},
+                                           ExposureCase{"right_darker", constantly,
+                                                        [](int) { return 0.6; }},
+                                           ExposureCase{"each_by_itself", alternating, constantly}),
+                         [](const auto& info) { return std::string(info.param.name); });
 
 // --- Frames that are missing
 

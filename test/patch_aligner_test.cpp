@@ -138,21 +138,31 @@ TEST(AlignPatch, RecoversSubpixelShifts) {
   }
 }
 
-/// The camera came nearer: the warped patch can be aligned, the original one cannot.
+/// The camera came nearer: warped patches can be aligned, the original ones cannot.
 TEST(AlignPatch, FollowsAChangeOfScale) {
   constexpr float kGrowth = 1.4F;
-  const Vector2f centre(50.0F, 50.0F);
-  const cv::Matx23f grow(kGrowth, 0.0F, 50.0F * (1.0F - kGrowth), 0.0F, kGrowth,
-                         50.0F * (1.0F - kGrowth));
+  const cv::Matx23f grow(kGrowth, 0.0F, kMiddle.x() * (1.0F - kGrowth), 0.0F, kGrowth,
+                         kMiddle.y() * (1.0F - kGrowth));
   cv::Mat target;
   cv::warpAffine(kReference, target, grow, kReference.size(), cv::INTER_CUBIC);
   const Eigen::Matrix2f warp = Eigen::Matrix2f::Identity() / kGrowth;
-  const Vector2f start = centre + Vector2f(0.6F, -0.5F);
-  const auto warped = PatchAligner(kReference, centre, warp).align(target, start);
-  ASSERT_TRUE(warped);
-  EXPECT_LT((warped->pixel - centre).norm(), 0.03F);
-  const auto plain = alignPatch(kReference, centre, target, start);
-  EXPECT_TRUE(!plain || (*plain - centre).norm() > 2.0F * (warped->pixel - centre).norm());
+  double sum_of_squares = 0.0;
+  int num_plain = 0;
+  int num = 0;
+  for (float y = -6.0F; y <= 6.0F; y += 2.0F) {
+    for (float x = -6.0F; x <= 6.0F; x += 2.0F, ++num) {
+      const Vector2f pixel = kMiddle + Vector2f(x, y);
+      const Vector2f grown = kMiddle + kGrowth * Vector2f(x, y);
+      const Vector2f start = grown + Vector2f(0.6F, -0.5F);
+      const auto warped = PatchAligner(kReference, pixel, warp).align(target, start);
+      ASSERT_TRUE(warped) << pixel.transpose();
+      sum_of_squares += (warped->pixel - grown).squaredNorm();
+      const auto plain = alignPatch(kReference, pixel, target, start);
+      num_plain += plain && (*plain - grown).norm() < 0.06F ? 1 : 0;
+    }
+  }
+  EXPECT_LT(std::sqrt(sum_of_squares / num), 0.03);
+  EXPECT_LT(num_plain, num / 10);
 }
 
 TEST(AlignPatch, RefusesAWarpThatLeavesTheImage) {
@@ -177,11 +187,34 @@ TEST(AlignPatch, IgnoresABrightnessOffset) {
   }
 }
 
+TEST(AlignPatch, IgnoresTheExposure) {
+  const Vector2f shift(0.4F, -0.3F);
+  for (const double gain : {0.3, 0.5, 0.8, 1.0, 1.2, 1.3}) {
+    const auto found = PatchAligner(kReference, kMiddle).align(waves(shift, gain), kMiddle);
+    ASSERT_TRUE(found) << gain;
+    EXPECT_LT((found->pixel - kMiddle - shift).norm(), 0.04F) << gain;
+    EXPECT_LT(found->noise_px, 0.02) << gain;
+  }
+}
+
+/// Less than what is taken as another exposure, and light that is added as by glare.
 TEST(AlignPatch, IsRobustToASmallGain) {
   const auto found =
       alignPatch(kReference, {50.0F, 50.0F}, waves({0.4F, -0.3F}, 1.1, -10.0), {50.0F, 50.0F});
   ASSERT_TRUE(found);
   EXPECT_LT((*found - Vector2f(50.4F, 49.7F)).norm(), 0.1F);
+}
+
+TEST(AlignSlanted, IgnoresTheExposure) {
+  const Vector2f slope(-0.1F, 0.1F);
+  const Vector2f shift(-5.7F, 0.0F);
+  for (const double gain : {0.25, 0.5, 0.8, 1.2, 1.4}) {
+    const auto found = PatchAligner(kReference, kMiddle)
+                           .alignSlanted(waves(shift, gain, 0.0, 1, slope), {44.0F, 50.0F});
+    ASSERT_TRUE(found) << gain;
+    EXPECT_LT((found->pixel - kMiddle - shift).norm(), 0.08F) << gain;
+    EXPECT_LT((found->slope - slope).norm(), 0.05F) << gain;
+  }
 }
 
 TEST(AlignPatch, RefusesAUniformPatch) {

@@ -315,12 +315,13 @@ inline StereoImages stamped(StereoImages images, std::int64_t stamp_ns) {
   return images;
 }
 
-/// Frame k of a camera at some pose in the room, rendered once for each name.
+/// Frame k of a camera at some pose in the room, rendered once for each name. A copy: tests draw in
+/// it.
 inline StereoImages room(const std::string& name, const Eigen::Isometry3d& T_room_camera, int k) {
   static std::map<std::string, StereoImages> rendered;
   StereoImages& images = rendered[name];
   if (images.left.empty()) images = renderStereo(roomCamera(), T_room_camera, 0);
-  return stamped(images, (k + 1) * kPeriodNs);
+  return {images.left.clone(), images.right.clone(), (k + 1) * kPeriodNs};
 }
 
 /// Frame k of the drive of truePose(), as far as one likes.

@@ -22,6 +22,12 @@ constexpr float kMaxShiftPx = 2.5F;     // from the initial pixel
 constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [grey levels]
 constexpr float kLeastResidual = 1.0F;  // sensor noise
 
+// At the edges of near things parallax changes the mean brightness of a patch, too: a smaller ratio
+// than this is not taken as one of exposures.
+constexpr float kMinExposureRatio = 1.15F;
+constexpr float kLeastBrightness = 1.0F;  // mean that is divided by [grey levels]
+constexpr float kLeastVariance = 1.0F;
+
 // Gaussian prior of the slopes about zero: its standard deviation, relative to a noise of the
 // brightness [grey levels]. A patch with a larger residual than kMaxSlantedResidual is not of one
 // plane.
@@ -62,13 +68,27 @@ Eigen::Matrix<float, static_cast<int>(kCount), 1> vectorOf(const std::array<floa
 
 float dot(const Patch& a, const Patch& b) { return dots<1>({&a}, b)[0]; }
 
-/// Subtracts the mean of the patch, and zeroes its unused last column. Returns the mean.
-float centre(Patch* values) {
+/// Sum of the patch by columns, the unused last one left out.
+template <typename Function>
+float sumOf(const Patch& values, const Function& function) {
   std::array<float, kPitch> sums{};
   for (int r = 0; r < kSide; ++r) {
-    for (int c = 0; c < kPitch; ++c) sums[c] += (*values)[r * kPitch + c];
+    for (int c = 0; c < kPitch; ++c) sums[c] += function(values[r * kPitch + c]);
   }
-  const float mean = std::accumulate(sums.begin(), sums.begin() + kSide, 0.0F) / kArea;
+  return std::accumulate(sums.begin(), sums.begin() + kSide, 0.0F);
+}
+
+float meanOf(const Patch& values) {
+  return sumOf(values, [](float value) { return value; }) / kArea;
+}
+
+float varianceOf(const Patch& values, float mean) {
+  return sumOf(values, [mean](float value) { return (value - mean) * (value - mean); }) / kArea;
+}
+
+/// Subtracts the mean of the patch, and zeroes its unused last column. Returns the mean.
+float centre(Patch* values) {
+  const float mean = meanOf(*values);
   for (float& value : *values) value -= mean;
   for (int r = 0; r < kSide; ++r) (*values)[r * kPitch + kSide] = 0.0F;
   return mean;
@@ -94,7 +114,8 @@ void PatchAligner::prepare(const WidePatch& wide) {
       gy_[r * kPitch + c] = 0.5F * (p[kWidePitch] - p[-kWidePitch]);
     }
   }
-  centre(&brightness_);
+  mean_brightness_ = std::max(centre(&brightness_), kLeastBrightness);
+  variance_ = std::max(varianceOf(brightness_, 0.0F), kLeastVariance);
   mean_gx_ = centre(&gx_);
   centre(&gy_);
   const std::array<const Patch*, 2> J{&gx_, &gy_};
@@ -114,21 +135,33 @@ std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!samplePatch(target, pixel, &values)) return std::nullopt;
     // J^T (I - T). The gradients have zero mean: that of the brightness drops out.
-    const Eigen::Vector2f b = vectorOf(dots<2>({&gx_, &gy_}, values)) - Jt_template_;
+    const float ratio = exposure(values);
+    const Eigen::Vector2f b = vectorOf(dots<2>({&gx_, &gy_}, values)) / ratio - Jt_template_;
     const Eigen::Vector2f step = inverse_hessian_ * b;
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
     if (step.squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    const float rms = residual(&values);
+    const float rms = residual(ratio, &values);
     if (!(rms <= kMaxResidual)) return std::nullopt;
     return AlignedPatch{pixel, Eigen::Vector2f::Zero(), noise(rms)};
   }
   return std::nullopt;
 }
 
-float PatchAligner::residual(Patch* values) const {
+float PatchAligner::exposure(const Patch& values) const {
+  const float mean = meanOf(values);
+  const float ratio = std::max(mean, kLeastBrightness) / mean_brightness_;
+  if (ratio < kMinExposureRatio && ratio * kMinExposureRatio > 1.0F) return 1.0F;
+  // An exposure changes the contrast alike. Light that is added, as by glare, does not.
+  const float variance_ratio = varianceOf(values, mean) / variance_;
+  const bool is_exposure = ratio > 1.0F ? variance_ratio > ratio : variance_ratio < ratio;
+  return is_exposure ? ratio : 1.0F;
+}
+
+float PatchAligner::residual(float exposure, Patch* values) const {
   centre(values);
-  for (std::size_t i = 0; i < values->size(); ++i) (*values)[i] -= brightness_[i];
+  for (std::size_t i = 0; i < values->size(); ++i)
+    (*values)[i] = (*values)[i] / exposure - brightness_[i];
   return std::sqrt(dot(*values, *values) / kArea);
 }
 
@@ -162,7 +195,8 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   Patch values;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!sampleSlantedPatch(target, seen, &values)) return std::nullopt;
-    Eigen::Vector4f b = vectorOf(dots(J, values)) - Jt_template;
+    const float ratio = exposure(values);
+    Eigen::Vector4f b = vectorOf(dots(J, values)) / ratio - Jt_template;
     b.tail<2>() += kPrior * seen.slope;
     const Eigen::Vector4f step = inverse_hessian * b;
     // Inverse compositional update: the warp so far, composed with the inverse of the step.
@@ -177,7 +211,7 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
       return std::nullopt;
     }
     if (step.head<2>().squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    const float rms = residual(&values);
+    const float rms = residual(ratio, &values);
     if (!(rms <= kMaxSlantedResidual)) return std::nullopt;
     seen.noise_px = noise(rms);
     return seen;

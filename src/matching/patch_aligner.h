@@ -19,7 +19,9 @@ struct AlignedPatch {
 };
 
 /// Aligns the patch around a pixel of one image, 11 x 11 px, with others by translation (inverse
-/// compositional Lucas-Kanade with the mean brightness removed).
+/// compositional Lucas-Kanade with the mean brightness removed). The other image may be exposed
+/// differently: where both brightness and contrast of its patch say so, it is divided by the ratio
+/// of the mean brightnesses.
 class PatchAligner {
  public:
   static constexpr int kSide = 11;
@@ -48,12 +50,15 @@ class PatchAligner {
 
  private:
   void prepare(const WidePatch& wide);
-  float residual(Patch* values) const;  // RMS [grey levels]; spoils the values
-  double noise(float residual) const;   // of a coordinate [px]
+  float exposure(const Patch& values) const;            // relative to that of this patch
+  float residual(float exposure, Patch* values) const;  // RMS [grey levels]; spoils the values
+  double noise(float residual) const;                   // of a coordinate [px]
 
   Patch brightness_;  // each less its mean
   Patch gx_;
   Patch gy_;
+  float mean_brightness_ = 1.0F;
+  float variance_ = 1.0F;  // of the brightness
   float mean_gx_ = 0.0F;
   Eigen::Vector2f Jt_template_;  // products of the gradients and the brightness
   Eigen::Matrix2f inverse_hessian_ = Eigen::Matrix2f::Zero();
