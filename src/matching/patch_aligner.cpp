@@ -22,9 +22,11 @@ constexpr float kMaxShiftPx = 2.5F;     // from the initial pixel
 constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [grey levels]
 constexpr float kLeastResidual = 1.0F;  // sensor noise
 
-// At the edges of near things parallax changes the mean brightness of a patch, too: a smaller ratio
-// than this is not taken as one of exposures.
-constexpr float kMinExposureRatio = 1.15F;
+// At the edges of near things parallax changes the brightness of a patch, too: a smaller ratio of
+// the means than kMinExposureRatio is not taken as one of exposures, nor is one that the contrast
+// does not share to within kMaxContrastDeviation, relative to the ratio; both are logarithms.
+constexpr float kMinExposureRatio = 0.14F;
+constexpr float kMaxContrastDeviation = 0.4F;
 constexpr float kLeastBrightness = 1.0F;  // mean that is divided by [grey levels]
 constexpr float kLeastVariance = 1.0F;
 
@@ -151,11 +153,13 @@ std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
 float PatchAligner::exposure(const Patch& values) const {
   const float mean = meanOf(values);
   const float ratio = std::max(mean, kLeastBrightness) / mean_brightness_;
-  if (ratio < kMinExposureRatio && ratio * kMinExposureRatio > 1.0F) return 1.0F;
-  // An exposure changes the contrast alike. Light that is added, as by glare, does not.
-  const float variance_ratio = varianceOf(values, mean) / variance_;
-  const bool is_exposure = ratio > 1.0F ? variance_ratio > ratio : variance_ratio < ratio;
-  return is_exposure ? ratio : 1.0F;
+  const float brightness = std::log(ratio);
+  if (std::abs(brightness) < kMinExposureRatio) return 1.0F;
+  // Light that is added, as by glare, leaves the contrast as it is.
+  const float variance = std::max(varianceOf(values, mean), kLeastVariance);
+  const float contrast = 0.5F * std::log(variance / variance_);
+  const float deviation = std::abs(contrast - brightness) / std::abs(brightness);
+  return deviation < kMaxContrastDeviation ? ratio : 1.0F;
 }
 
 float PatchAligner::residual(float exposure, Patch* values) const {
