@@ -8,6 +8,7 @@
 #include "motion/motion_consensus.h"
 #include "motion/observations.h"
 #include "odometry/correspondences.h"
+#include "odometry/motion_confirmation.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/uncertainty.h"
 
@@ -18,29 +19,15 @@ namespace {
 // too.
 constexpr double kFewMapMatches = 0.5;
 
-// With a correct prediction at least this share of the features is matched (0.35 and more in all
-// sequences at full rate).
-constexpr double kShareFound = 0.25;
-
 // With a wrong prediction at most this share seems to be (0.064 at every 6th frame of EuRoC). So
 // where more agree on a plausible motion, these are the scene, and a larger part of the image that
 // moves otherwise is not.
 constexpr double kShareOfScene = 0.1;
 
-// At a right motion the share of landmarks found is at least this fraction of that in the frames
-// before (in all sequences that are never lost), and of the share of features found. It is not
-// looked at where fewer landmarks are expected.
-constexpr double kShareConfirmed = 0.5;
-constexpr double kMinExpected = 10.0;
-
 // Of the search radius, around points predicted by a rotation that far points agree on within a few
 // pixels: clouds and a sky's noise give many wrong matches.
 constexpr double kRadiusOfRotation = 0.3;
 
-// Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
-// found from frame to frame.
-constexpr int kMinRecognized = 20;
-constexpr double kShareRecognized = 0.7;
 constexpr int kRelocalizationRounds = 2;
 
 /// Appends the inlier matches of one kind; all of them if there is no motion.
@@ -50,42 +37,6 @@ void appendMatches(const std::vector<Correspondence>& matches, const MotionEstim
   for (std::size_t i = 0; i < matches.size(); ++i) {
     if (!motion.ok() || inliers[i]) list->push_back(matches[i]);
   }
-}
-
-/// Far points among the inliers from frame to frame.
-int countFarInliers(const TrackingResult& tracked) {
-  if (!tracked.frame_to_frame.ok()) return 0;
-  const std::vector<PointCorrespondence>& matches = tracked.correspondences.points;
-  int far = 0;
-  for (std::size_t i = 0; i < matches.size(); ++i)
-    far += tracked.frame_to_frame.point_inliers[i] && matches[i].far ? 1 : 0;
-  return far;
-}
-
-/// Share of an earlier frame's features in view after the motion from frame to frame that were
-/// matched and are inliers; 0 without a motion. Far points are left out: they agree with any
-/// translation.
-double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
-                  const TrackingResult& tracked) {
-  const MotionEstimate& motion = tracked.frame_to_frame;
-  if (!motion.ok()) return 0.0;
-  const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
-    const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
-    if (!(p.z() > camera.baseline_m)) return false;
-    const Eigen::Vector2d left = camera.projectLeft(p);
-    return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
-           left.y() < camera.height && camera.projectRight(p).x() >= 0.0;
-  };
-  const auto points = std::count_if(
-      earlier.points.begin(), earlier.points.end(),
-      [&](const StereoPoint& point) { return !point.far && in_view(point.triangulated.p_camera); });
-  const auto lines =
-      std::count_if(earlier.lines.begin(), earlier.lines.end(), [&](const StereoLine& line) {
-        return line.triangulated &&
-               (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
-      });
-  const int found = motion.num_point_inliers - countFarInliers(tracked) + motion.num_line_inliers;
-  return found / std::max<double>(1.0, static_cast<double>(points + lines));
 }
 
 /// The points with a depth, or those too far for one.
@@ -108,14 +59,6 @@ ReferencePoints referencePoints(const LocalMap& map) {
     known.positions.push_back(T_previous_map * point.estimate.value);
   }
   return known;
-}
-
-/// True if the share of landmarks in view that is found is nearly that of consecutive frames: of
-/// another place with similar appearance only a part is found.
-bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,
-                       const MotionEstimate& motion) {
-  return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognized &&
-         shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
 }
 
 /// Keeps the matches from frame to frame, none of them as an inlier.
@@ -171,7 +114,7 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     const StageTimer timer(times_, Stage::kMap);
     trackLocalMap(curr, expected, &tracked);
     if (tracked.prior.use == PriorUse::kRejected) return tracked;
-    if (tracked.motion.ok() && isRefuted(tracked)) dropMotion(&tracked);
+    if (tracked.motion.ok() && isRefuted(tracked, history_, context_.camera)) dropMotion(&tracked);
   }
   constrainWeakAxes(curr, &tracked);
   if (tracked.motion.ok()) {
@@ -181,21 +124,6 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     if (found.relocalized) return found;
   }
   return tracked;
-}
-
-/// True if wrong matches agreed on the motion: few features of the previous frame are found at it,
-/// and of the landmarks far fewer, compared with the frames before and with the features. Where
-/// something hides most of the scene, as many landmarks are found as features. Where most inliers
-/// are far points, as on top of a hill, the translation is the prediction's.
-bool FrameTracker::isRefuted(const TrackingResult& tracked) const {
-  const double usual = history_.map->shareFound();
-  const double landmarks = shareFound(tracked.landmark_matches, tracked.motion);
-  if (usual * countInView(tracked.landmark_matches) < kMinExpected ||
-      landmarks >= kShareConfirmed * usual)
-    return false;
-  if (2 * countFarInliers(tracked) > tracked.frame_to_frame.num_point_inliers) return false;
-  const double features = shareFound(*history_.previous, context_.camera, tracked);
-  return features < kShareFound && landmarks < kShareConfirmed * features;
 }
 
 /// Compares the prior with the motion by the images, if there is one.

@@ -138,7 +138,6 @@ class FrameTracker {
                           const StereoFrame& prev, const StereoFrame& curr, ThreadPool* threads,
                           TrackingResult* tracked) const;
   void comparePrior(TrackingResult* tracked) const;
-  bool isRefuted(const TrackingResult& tracked) const;
   void constrainWeakAxes(const StereoFrame& curr, TrackingResult* tracked) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
 
