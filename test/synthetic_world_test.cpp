@@ -3,11 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <tuple>
+#include <vector>
 
 #include "world/sensor.h"
 
@@ -252,6 +254,30 @@ TEST(SyntheticWorld, MotionBlurSmearsAlongTheMotion) {
 }
 
 /// Row y is that of an image which a global shutter takes (y / height - 1/2) read-outs later.
+TEST(SyntheticWorld, EachImageOfEitherCameraIsExposedAnew) {
+  SyntheticWorldOptions options;
+  options.scene = "indoor";
+  options.speed = 0.0;
+  options.rotation = 0.0;
+  options.exposure_ev = -1.0;  // so that nothing saturates
+  const SyntheticWorld evenly(options);
+  options.exposure_jitter_ev = 0.5;
+  const SyntheticWorld unevenly(options);
+  std::vector<double> stops;
+  for (std::size_t frame = 0; frame < 10; ++frame) {
+    const StereoImages even = evenly.render(frame);
+    const StereoImages uneven = unevenly.render(frame);
+    stops.push_back(std::log2(cv::mean(uneven.left)[0] / cv::mean(even.left)[0]));
+    stops.push_back(std::log2(cv::mean(uneven.right)[0] / cv::mean(even.right)[0]));
+    EXPECT_GT(std::abs(stops.back() - stops.end()[-2]), 0.005) << "one camera by itself";
+  }
+  const auto [least, most] = std::minmax_element(stops.begin(), stops.end());
+  EXPECT_GT(*least, -0.55);
+  EXPECT_LT(*least, -0.3);
+  EXPECT_LT(*most, 0.55);
+  EXPECT_GT(*most, 0.3);
+}
+
 TEST(SyntheticWorld, RowsOfARollingShutterAreExposedOneAfterTheOther) {
   for (const char* scene : {"indoor", "street"}) {
     SyntheticWorldOptions options = quiet(scene);

@@ -443,6 +443,13 @@ class BuiltInWorld(ErrorTest):
             "rpe_r_deg": 0.0067,  # measured 0.00385
         })
 
+    def test_street_with_auto_exposure(self):
+        # With patches aligned as if both images were exposed alike: 0.0100 m and 0.0025 deg.
+        self.check("synthetic:street,seed=1,frames=100,exposure_jitter_ev=0.5", 100, {
+            "ate_m": 0.0085,  # measured 0.0047
+            "rpe_r_deg": 0.0022,  # measured 0.0017
+        })
+
     def test_corridor(self):
         self.check("synthetic:corridor,seed=1,frames=250", 250, {
             "t_percent": 0.15,  # measured 0.0533

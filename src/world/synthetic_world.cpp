@@ -366,10 +366,12 @@ StereoImages SyntheticWorld::render(std::size_t frame) const {
     }
   }
   const SyntheticWorldOptions& o = impl_->options;
-  const world::Sensor sensor{o.exposure_ev, o.lens_blur_px, o.vignetting, impl_->exposure.noise};
   const auto develop = [&](std::size_t camera) {
     const std::uint32_t seed = world::hash(impl_->scene.seed, static_cast<std::uint32_t>(frame),
                                            static_cast<std::uint32_t>(camera));
+    const double jitter_ev = o.exposure_jitter_ev * world::Random(seed).uniform(-1.0, 1.0);
+    const world::Sensor sensor{o.exposure_ev + jitter_ev, o.lens_blur_px, o.vignetting,
+                               impl_->exposure.noise};
     cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
     if (impl_->isDark(time_s)) mean.setTo(0.0);
     return world::expose(mean, sensor, seed);

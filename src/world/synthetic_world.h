@@ -28,6 +28,7 @@ struct SyntheticWorldOptions {
   double hill = 0.0;
   double bonnet = 0.0;
   double exposure_ev = 0.0;
+  double exposure_jitter_ev = 0.0;
   double motion_blur_ms = -1.0;
   double rolling_shutter_ms = 0.0;
   double lens_blur_px = 0.5;
@@ -72,6 +73,9 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
         "1: a worn, glossy bonnet of the robot lies in the lower part of both images, to 2.9 m "
         "ahead of the camera, and there are masks of it; other values: times as long");
   visit("exposure_ev", o.exposure_ev, -8.0, 4.0, "stops", "darker or brighter images");
+  visit("exposure_jitter_ev", o.exposure_jitter_ev, 0.0, 4.0, "stops",
+        "each image of either camera is darker or brighter by up to so much, as auto-exposures "
+        "make them");
   visit("motion_blur_ms", o.motion_blur_ms, -1.0, 100.0, "ms",
         "exposure time; negative: the scene's own, 15 for plaster, else 0");
   visit(
