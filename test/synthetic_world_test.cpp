@@ -253,7 +253,6 @@ TEST(SyntheticWorld, MotionBlurSmearsAlongTheMotion) {
   EXPECT_NEAR(cv::mean(blurred)[0], cv::mean(sharp)[0], 4.0);
 }
 
-/// Row y is that of an image which a global shutter takes (y / height - 1/2) read-outs later.
 TEST(SyntheticWorld, EachImageOfEitherCameraIsExposedAnew) {
   SyntheticWorldOptions options;
   options.scene = "indoor";
@@ -278,6 +277,7 @@ TEST(SyntheticWorld, EachImageOfEitherCameraIsExposedAnew) {
   EXPECT_GT(*most, 0.3);
 }
 
+/// Row y is that of an image which a global shutter takes (y / height - 1/2) read-outs later.
 TEST(SyntheticWorld, RowsOfARollingShutterAreExposedOneAfterTheOther) {
   for (const char* scene : {"indoor", "street"}) {
     SyntheticWorldOptions options = quiet(scene);

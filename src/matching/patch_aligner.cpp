@@ -22,10 +22,10 @@ constexpr float kMaxShiftPx = 2.5F;     // from the initial pixel
 constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [grey levels]
 constexpr float kLeastResidual = 1.0F;  // sensor noise
 
-// At the edges of near things parallax changes the brightness of a patch, too: a smaller ratio of
-// the means than kMinExposureRatio is not taken as one of exposures, nor is one that the contrast
-// does not share to within kMaxContrastDeviation, relative to the ratio; both are logarithms.
-constexpr float kMinExposureRatio = 0.14F;
+// At the edges of near things parallax changes the brightness of a patch, too: the ratio of the
+// mean brightnesses is one of exposures only if its logarithm exceeds kMinLogExposure, and that of
+// the contrasts deviates from it by less than this share of it.
+constexpr float kMinLogExposure = 0.14F;
 constexpr float kMaxContrastDeviation = 0.4F;
 constexpr float kLeastBrightness = 1.0F;  // mean that is divided by [grey levels]
 constexpr float kLeastVariance = 1.0F;
@@ -154,7 +154,7 @@ float PatchAligner::exposure(const Patch& values) const {
   const float mean = meanOf(values);
   const float ratio = std::max(mean, kLeastBrightness) / mean_brightness_;
   const float brightness = std::log(ratio);
-  if (std::abs(brightness) < kMinExposureRatio) return 1.0F;
+  if (std::abs(brightness) < kMinLogExposure) return 1.0F;
   // Light that is added, as by glare, leaves the contrast as it is.
   const float variance = std::max(varianceOf(values, mean), kLeastVariance);
   const float contrast = 0.5F * std::log(variance / variance_);
