@@ -316,8 +316,9 @@ TEST(MatchPointsByAppearance, FindsThemAnywhereInTheImage) {
   // Rotation by 180 degrees about the optical axis and a step forward: the image is upside down.
   const Isometry3d turn = synthetic::transform({0.0, 0.0, M_PI}, {0.3, -0.2, -0.8});
   const TwoFrames scene(200, 0, turn, 17);
-  expectReversed(
-      matchPointsByAppearance(stereoDescriptors(scene.prev), scene.curr, scene.parameters), 200);
+  expectReversed(matchByAppearance(stereoDescriptors(scene.prev), stereoDescriptors(scene.curr),
+                                   scene.parameters),
+                 200);
 }
 
 TEST(MatchPointsByAppearance, PairsAreOfStereoPoints) {
@@ -325,8 +326,8 @@ TEST(MatchPointsByAppearance, PairsAreOfStereoPoints) {
   // The features of a stereo point have other indices than the point.
   std::swap(scene.curr.points[0], scene.curr.points[1]);
   scene.prev.points.erase(scene.prev.points.begin());
-  const std::vector<IndexPair> pairs =
-      matchPointsByAppearance(stereoDescriptors(scene.prev), scene.curr, scene.parameters);
+  const std::vector<IndexPair> pairs = matchByAppearance(
+      stereoDescriptors(scene.prev), stereoDescriptors(scene.curr), scene.parameters);
   ASSERT_EQ(pairs.size(), 2U);
   EXPECT_TRUE(pairs[0].first == 0 && pairs[0].second == 0);  // both at feature 1
   EXPECT_TRUE(pairs[1].first == 1 && pairs[1].second == 1);
@@ -359,7 +360,8 @@ std::vector<IndexPair> pairsByAppearance(const std::vector<Appearance>& known,
     }
     return frame;
   };
-  return matchPointsByAppearance(stereoDescriptors(frameOf(known)), frameOf(seen), parameters);
+  return matchByAppearance(stereoDescriptors(frameOf(known)), stereoDescriptors(frameOf(seen)),
+                           parameters);
 }
 
 TEST(MatchPointsByAppearance, DistancesOfBothImagesAreAdded) {

@@ -167,5 +167,51 @@ TEST(HardMotion, TheMapRefutesWrongMatchesThatAgree) {
   EXPECT_EQ(refuted, 1);
 }
 
+struct BodyCase {
+  const char* scene;
+  std::size_t every;
+};
+
+class RobotsOwnBody : public ::testing::TestWithParam<BodyCase> {};
+
+/// A third of the view is the robot's own bonnet, which has more texture than the scene has.
+TEST_P(RobotsOwnBody, IsNotTheScene) {
+  SyntheticWorldOptions options;
+  options.scene = GetParam().scene;
+  options.bonnet = 1.0;
+  const RunResult driven = run(options, 20, GetParam().every);
+  const Eigen::Isometry3d& last = driven.ground_truth.back();
+  for (std::size_t k = 1; k < driven.results.size(); ++k) {
+    const FrameResult& result = driven.results[k];
+    if (result.state == TrackingState::kOk) {
+      EXPECT_LT(normalisedVelocityError(driven, k), 36.0) << k;
+    }
+    EXPECT_NE(result.state, TrackingState::kLost) << k;
+  }
+  const double path_m = last.translation().norm();
+  EXPECT_GT(path_m, 0.3) << "the test must move";
+  EXPECT_LT((driven.results.back().T_odom_camera.translation() - last.translation()).norm(),
+            0.02 * path_m + 0.005);
+}
+
+INSTANTIATE_TEST_SUITE_P(Worlds, RobotsOwnBody,
+                         ::testing::Values(BodyCase{"corridor", 1}, BodyCase{"corridor", 3},
+                                           BodyCase{"indoor", 1}, BodyCase{"indoor", 3},
+                                           BodyCase{"plaster", 1}, BodyCase{"plaster", 3},
+                                           BodyCase{"street", 1}, BodyCase{"street", 3}));
+
+/// Cars pass before a robot that stands and sees its own bonnet.
+TEST(RobotsOwnBody, TrafficDoesNotMoveAStandingRobot) {
+  SyntheticWorldOptions options;
+  options.bonnet = 1.0;
+  options.speed = 0.0;
+  options.moving_objects = 40;
+  const RunResult standing = run(options, 30);
+  for (std::size_t k = 0; k < standing.results.size(); ++k) {
+    const Eigen::Vector3d sway = standing.ground_truth[k].translation();
+    EXPECT_LT((standing.results[k].T_odom_camera.translation() - sway).norm(), 0.005) << k;
+  }
+}
+
 }  // namespace
 }  // namespace point_line_odometry

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
+#include <tuple>
 #include <vector>
 
 namespace point_line_odometry {
@@ -18,6 +20,15 @@ class CellGrid {
   /// The value of the cell of a pixel, which must lie in the image.
   Value& at(const Eigen::Vector2f& pixel) { return cells_[indexOf(pixel)]; }
   const Value& at(const Eigen::Vector2f& pixel) const { return cells_[indexOf(pixel)]; }
+
+  /// Sets all values.
+  void fill(const Value& value) { std::fill(cells_.begin(), cells_.end(), value); }
+
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [cell_size_px, columns, cells] = *this;
+    return std::tie(cell_size_px, columns, cells);
+  }
 
   /// All values, row by row.
   const std::vector<Value>& cells() const { return cells_; }

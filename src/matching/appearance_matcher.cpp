@@ -15,10 +15,9 @@ std::vector<StereoDescriptor> stereoDescriptors(const StereoFrame& frame) {
   return descriptors;
 }
 
-std::vector<IndexPair> matchPointsByAppearance(const std::vector<StereoDescriptor>& known,
-                                               const StereoFrame& curr,
-                                               const MatchingParameters& parameters) {
-  const std::vector<StereoDescriptor> seen = stereoDescriptors(curr);
+std::vector<IndexPair> matchByAppearance(const std::vector<StereoDescriptor>& known,
+                                         const std::vector<StereoDescriptor>& seen,
+                                         const MatchingParameters& parameters) {
   std::vector<int> distances(seen.size());
   std::vector<int> forward(known.size(), -1);
   std::vector<TwoNearest> backward(seen.size());

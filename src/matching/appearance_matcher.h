@@ -9,11 +9,11 @@
 
 namespace point_line_odometry {
 
-/// Pairs (known, stereo point of frame k) of the nearest descriptors over the whole image, without
-/// a motion prediction: sum of the left and right Hamming distances, ratio test and cross-check.
-std::vector<IndexPair> matchPointsByAppearance(const std::vector<StereoDescriptor>& known,
-                                               const StereoFrame& curr,
-                                               const MatchingParameters& parameters);
+/// Pairs (known, seen) of the nearest descriptors, wherever in the image they are: sum of the left
+/// and right Hamming distances, ratio test and cross-check.
+std::vector<IndexPair> matchByAppearance(const std::vector<StereoDescriptor>& known,
+                                         const std::vector<StereoDescriptor>& seen,
+                                         const MatchingParameters& parameters);
 
 /// The descriptors of the stereo points of a frame.
 std::vector<StereoDescriptor> stereoDescriptors(const StereoFrame& frame);

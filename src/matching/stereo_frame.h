@@ -44,6 +44,8 @@ struct StereoFrame {
   DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
+  /// Points that are not tracked, as features rest there while the scene moves.
+  std::vector<StereoPoint> resting_points;
 };
 
 }  // namespace point_line_odometry

@@ -42,7 +42,7 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
     left = alignInOctave(patch.left, context.left, masks.left, octave, left.pixel).value_or(left);
     right =
         alignInOctave(patch.right, context.right, masks.right, octave, right.pixel).value_or(right);
-    patch_px = context.left.ratio(octave).maxCoeff() * PatchAligner::kSide;
+    patch_px = earlier.left_image.ratio(octave).maxCoeff() * PatchAligner::kSide;
   }
   const double sigma_px =
       pointSigma(context, std::max(left.noise_px, right.noise_px),

@@ -251,7 +251,7 @@ std::vector<PointCorrespondence> FrameTracker::matchWholeImage(const ReferencePo
                                                                const StereoFrame& curr) const {
   std::vector<PointCorrespondence> points;
   for (const IndexPair& match :
-       matchPointsByAppearance(known.descriptors, curr, parameters_.matching)) {
+       matchByAppearance(known.descriptors, stereoDescriptors(curr), parameters_.matching)) {
     const StereoPoint& now = curr.points[match.second];
     points.push_back({pointObservation(curr.features.points_left[now.left].pixel, now.right_px, 1.0,
                                        context_.correction),

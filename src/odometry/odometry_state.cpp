@@ -1,6 +1,7 @@
 #include "odometry/odometry_state.h"
 
 #include <utility>
+#include <vector>
 
 #include "map/new_landmarks.h"
 #include "odometry/motion_prediction.h"
@@ -70,6 +71,11 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     stereo_calibration.addVerticalDisparities(verticalDisparities(curr),
                                               parameters.motion.point_noise_px);
   }
+  if (measured) {
+    resting.learn(*history.previous, curr, tracked.motion.T_curr_prev, context);
+  } else {
+    resting.addLost(dt_s);
+  }
   if (shouldReplace(history, curr, tracked, parameters)) {
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
@@ -128,6 +134,20 @@ void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters
                             const FramePrior& prior) {
   const double dt_s = toSeconds(curr_stamp_ns - *stamp_ns);
   tracking = pose.predict(curr_stamp_ns, dt_s, parameters, prior.ofStep());
+}
+
+bool OdometryState::leaveOutResting(const StereoFrame& curr, const TrackingResult& tracked,
+                                    const FrameContext& context) {
+  if (!history.previous) return false;
+  const std::vector<int> points =
+      resting.findBeforeScene(*history.previous, curr, tracked, context);
+  if (points.empty()) return false;
+  resting.add(*history.previous, points);
+  resting.leaveOut(&*history.previous);
+  history.before_previous.reset();
+  restartMap(context.parameters);
+  pose.loseVelocity();
+  return true;
 }
 
 void OdometryState::returnToLostMap() {

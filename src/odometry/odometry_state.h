@@ -11,6 +11,7 @@
 #include "odometry/frame_tracker.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
+#include "odometry/resting_features.h"
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -42,12 +43,13 @@ struct OdometryState {
   OnlineStereoCalibration stereo_calibration;
   NoiseScale noise;
   PriorChain priors;
-  int failed_windows = 0;  ///< not yet reported by a frame
+  RestingFeatures resting;  ///< on the robot's own body
+  int failed_windows = 0;   ///< not yet reported by a frame
 
   /// Before the first frame. \param camera of the images as they are processed.
   explicit OdometryState(const StereoCamera& camera,
                          const Eigen::Isometry3d& T_odom_camera = Eigen::Isometry3d::Identity())
-      : pose(T_odom_camera), stereo_calibration(camera) {}
+      : pose(T_odom_camera), stereo_calibration(camera), resting(camera) {}
 
   /// Update by the tracking result of a frame: pose, noise, calibration, landmarks.
   /// \param curr becomes the previous frame, if it can be. \param prior of its motion.
@@ -65,6 +67,12 @@ struct OdometryState {
   void predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                const FramePrior& prior);
 
+  /// Leaves features out of the previous frame by which a camera that moves seems to be stationary,
+  /// and drops the map and the velocity, which are theirs. False if there are none. \param tracked
+  /// of the current frame, which is to be tracked again.
+  bool leaveOutResting(const StereoFrame& curr, const TrackingResult& tracked,
+                       const FrameContext& context);
+
   /// Restores the lost map, in which the camera was relocalized.
   void returnToLostMap();
 
@@ -76,9 +84,9 @@ struct OdometryState {
 
   auto state() {
     auto& [tracking_of_this, stamp, history_of_this, lost_of_this, pose_of_this, calibration,
-           noise_of_this, priors_of_this, failed] = *this;
+           noise_of_this, priors_of_this, resting_of_this, failed] = *this;
     return std::tie(tracking_of_this, stamp, history_of_this, lost_of_this, pose_of_this,
-                    calibration, noise_of_this, priors_of_this, failed);
+                    calibration, noise_of_this, priors_of_this, resting_of_this, failed);
   }
 
  private:

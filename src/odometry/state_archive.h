@@ -106,8 +106,8 @@ inline auto stateOf(ImagePyramid& pyramid) {
 }
 
 inline auto stateOf(StereoFrame& frame) {
-  auto& [stamp_ns, left_image, features, points, lines] = frame;
-  return std::tie(stamp_ns, left_image, features, points, lines);
+  auto& [stamp_ns, left_image, features, points, lines, resting_points] = frame;
+  return std::tie(stamp_ns, left_image, features, points, lines, resting_points);
 }
 
 inline auto stateOf(CameraVelocity& velocity) {

@@ -115,9 +115,14 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
   }
 
   // Match with the previous frame and the map, estimate the motion.
+  state.resting.leaveOut(&frame);
   const double dt_s = state.stamp_ns ? toSeconds(frame.stamp_ns - *state.stamp_ns) : 0.0;
   TrackingResult tracking =
       trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
+  if (state.leaveOutResting(frame, tracking, context)) {
+    state.resting.leaveOut(&frame);
+    tracking = trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
+  }
   return {std::move(context), std::move(frame), std::move(tracking)};
 }
 
@@ -159,6 +164,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   scaling = ImageScaling(camera, parameters.tracking);
   state.stereo_calibration = OnlineStereoCalibration(scaling.camera());
   state.noise = NoiseScale();
+  state.resting = RestingFeatures(scaling.camera());
   restartTracking();
 }
 

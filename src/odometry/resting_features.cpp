@@ -1,0 +1,290 @@
+#include "odometry/resting_features.h"
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "common/statistics.h"
+#include "matching/appearance_matcher.h"
+#include "matching/point_grid.h"
+#include "motion/motion_consensus.h"
+#include "motion/observations.h"
+#include "odometry/motion_confirmation.h"
+
+namespace point_line_odometry {
+namespace {
+
+// [px of a point's level] A point that moves by less rests; one that should move by more than the
+// other does not rest by chance.
+constexpr double kRests_px = 1.0;
+constexpr double kMoves_px = 3.0;
+
+// Of the points that should move in a cell and around it, at most 2 % seem to rest where they are
+// the scene's, and at least a fifth where something rests, in the dark, too.
+constexpr int kFewestPoints = 6;
+constexpr double kShareResting = 0.15;
+
+// Of the features in view a stationary camera finds half to three quarters in the dark, and more
+// elsewhere: if it finds more, nothing is looked for.
+constexpr double kShareStationary = 0.75;
+
+// Resting points that count are this share of the inliers of a motion; a scene has this number of
+// points that agree, and this share of those that move.
+constexpr double kShareOfInliers = 0.2;
+constexpr double kMinScene = 20.0;
+constexpr double kShareOfMoving = 0.35;
+
+double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
+                    const FrameContext& context) {
+  return levelScale(frame.features.points_left[point.left], context.parameters);
+}
+
+const Eigen::Vector2f& leftPixel(const StereoFrame& frame, const StereoPoint& point) {
+  return frame.features.points_left[point.left].pixel;
+}
+
+/// By how much a motion moves a point in the left image [px of the point's level]; infinite if it
+/// takes the point out of view.
+double expectedShift(const StereoFrame& prev, const StereoPoint& point,
+                     const Eigen::Isometry3d& T_curr_prev, const FrameContext& context) {
+  const StereoCamera& camera = context.camera;
+  const Eigen::Vector3d p_curr = T_curr_prev * point.triangulated.p_camera;
+  if (!(p_curr.z() > 0.1 * camera.baseline_m)) return std::numeric_limits<double>::infinity();
+  const Eigen::Vector2d shift =
+      camera.projectLeft(p_curr) - camera.projectLeft(point.triangulated.p_camera);
+  return shift.norm() / levelScaleOf(prev, point, context);
+}
+
+/// By how much a matched point has moved in the left image [px of the point's level].
+double shiftOf(const IndexPair& match, const StereoFrame& prev, const StereoFrame& curr,
+               const FrameContext& context) {
+  const StereoPoint& before = prev.points[match.first];
+  return (leftPixel(curr, curr.points[match.second]) - leftPixel(prev, before)).norm() /
+         levelScaleOf(prev, before, context);
+}
+
+/// Descriptors of the points of a frame but some.
+struct RemainingPoints {
+  std::vector<int> indices;
+  std::vector<StereoDescriptor> descriptors;
+
+  RemainingPoints(const StereoFrame& frame, const std::vector<bool>& without) {
+    const std::vector<StereoDescriptor> all = stereoDescriptors(frame);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (without[i] || frame.points[i].far) continue;
+      indices.push_back(static_cast<int>(i));
+      descriptors.push_back(all[i]);
+    }
+  }
+};
+
+std::vector<IndexPair> inliersOf(const TrackingResult& tracked, const StereoFrame& prev) {
+  std::vector<IndexPair> inliers;
+  const MotionEstimate& motion = tracked.frame_to_frame;
+  for (std::size_t i = 0; motion.ok() && i < tracked.matches.points.size(); ++i) {
+    const IndexPair& match = tracked.matches.points[i];
+    if (motion.point_inliers[i] && !prev.points[match.first].far) inliers.push_back(match);
+  }
+  return inliers;
+}
+
+/// Matches by appearance of the points that are not among the inliers.
+std::vector<IndexPair> matchOthers(const StereoFrame& prev, const StereoFrame& curr,
+                                   const std::vector<IndexPair>& inliers,
+                                   const MatchingParameters& parameters) {
+  std::vector<bool> matched_before(prev.points.size(), false);
+  std::vector<bool> matched_now(curr.points.size(), false);
+  for (const auto& [i, k] : inliers) matched_before[i] = matched_now[k] = true;
+  const RemainingPoints before(prev, matched_before);
+  const RemainingPoints now(curr, matched_now);
+  std::vector<IndexPair> matches;
+  for (const auto& [i, k] : matchByAppearance(before.descriptors, now.descriptors, parameters))
+    matches.push_back({before.indices[i], now.indices[k]});
+  return matches;
+}
+
+/// Points of the previous frame that agree on a motion although others rest.
+struct MovingScene {
+  Eigen::Isometry3d T_curr_prev;
+  std::vector<double> depths;  ///< [m]
+};
+
+/// The motion on which the matches agree that do not rest; nothing if too few do.
+std::optional<MovingScene> findMovingScene(const std::vector<IndexPair>& matches,
+                                           const StereoFrame& prev, const StereoFrame& curr,
+                                           const FrameContext& context) {
+  std::vector<PointCorrespondence> moving;
+  for (const IndexPair& match : matches) {
+    if (shiftOf(match, prev, curr, context) < 2.0 * kRests_px) continue;
+    const StereoPoint& before = prev.points[match.first];
+    const StereoPoint& now = curr.points[match.second];
+    moving.push_back({pointObservation(leftPixel(curr, now), now.right_px,
+                                       levelScaleOf(prev, before, context), context.correction),
+                      before.triangulated.p_camera});
+  }
+  const std::optional<MotionConsensus> consensus = findConsensus(moving, context.camera);
+  const double least = std::max(kMinScene, kShareOfMoving * static_cast<double>(moving.size()));
+  if (!consensus || consensus->num_inliers < least) return std::nullopt;
+  MovingScene scene{consensus->T_curr_prev, {}};
+  for (std::size_t i = 0; i < moving.size(); ++i) {
+    if (consensus->inliers[i]) scene.depths.push_back(moving[i].p_prev.z());
+  }
+  return scene;
+}
+
+/// Whether depths are smaller than others, in the median and at the far end.
+bool isNearer(const std::vector<double>& depths, const std::vector<double>& others) {
+  for (const double share : {0.5, 0.9}) {
+    if (!(quantile(depths, share) < quantile(others, share))) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+RestingFeatures::RestingFeatures(const StereoCamera& camera)
+    : last_px_(static_cast<float>(camera.width - 1), static_cast<float>(camera.height - 1)),
+      cells_(camera.width, camera.height, kCellSize_px) {}
+
+void RestingFeatures::leaveOut(StereoFrame* frame) const {
+  const auto first_resting = std::stable_partition(
+      frame->points.begin(), frame->points.end(),
+      [&](const StereoPoint& point) { return !rests(leftPixel(*frame, point)); });
+  frame->resting_points.insert(frame->resting_points.end(), first_resting, frame->points.end());
+  frame->points.erase(first_resting, frame->points.end());
+  frame->lines.erase(std::remove_if(frame->lines.begin(), frame->lines.end(),
+                                    [&](const StereoLine& line) {
+                                      return rests(frame->features.lines_left[line.left].segment);
+                                    }),
+                     frame->lines.end());
+}
+
+void RestingFeatures::learn(const StereoFrame& prev, const StereoFrame& curr,
+                            const Eigen::Isometry3d& T_curr_prev, const FrameContext& context) {
+  lost_s_ = 0.0;
+  std::vector<const StereoPoint*> found;
+  std::vector<Eigen::Vector2f> pixels;
+  std::vector<Descriptor> descriptors;
+  for (const std::vector<StereoPoint>* points : {&curr.points, &curr.resting_points}) {
+    for (const StereoPoint& point : *points) {
+      found.push_back(&point);
+      pixels.push_back(leftPixel(curr, point));
+      descriptors.push_back(curr.features.points_left[point.left].descriptor);
+    }
+  }
+  PointGrid grid(kCellSize_px, kCellSize_px);
+  grid.fill(pixels, descriptors);
+  for (const std::vector<StereoPoint>* points : {&prev.points, &prev.resting_points}) {
+    for (const StereoPoint& point : *points) {
+      if (point.far || expectedShift(prev, point, T_curr_prev, context) < kMoves_px) continue;
+      const Keypoint& left = prev.features.points_left[point.left];
+      const auto radius = static_cast<float>(kRests_px * levelScaleOf(prev, point, context));
+      const Eigen::Vector2f corner(radius, radius);
+      const TwoNearest nearest =
+          grid.nearest(left.descriptor, {left.pixel - corner, left.pixel + corner},
+                       [&](int i, const Eigen::Vector2f&) {
+                         return std::abs(found[i]->right_px.x() - point.right_px.x()) <= radius;
+                       });
+      const bool rests = nearest.best <= context.parameters.matching.max_point_distance;
+      count(rests, &cells_.at(left.pixel));
+    }
+  }
+}
+
+std::vector<int> RestingFeatures::findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
+                                                  const TrackingResult& tracked,
+                                                  const FrameContext& context) const {
+  const bool ok = tracked.frame_to_frame.ok();
+  if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return {};
+  const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
+  const double least =
+      std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
+  const auto restingOf = [&](const std::vector<IndexPair>& matches) {
+    std::vector<int> resting;
+    for (const IndexPair& match : matches) {
+      if (shiftOf(match, prev, curr, context) < kRests_px &&
+          mayRest(leftPixel(prev, prev.points[match.first])))
+        resting.push_back(match.first);
+    }
+    return resting;
+  };
+  std::vector<int> resting = restingOf(inliers);
+  if (ok && static_cast<double>(resting.size()) < least) return {};
+  const std::vector<IndexPair> others =
+      matchOthers(prev, curr, inliers, context.parameters.matching);
+  if (!ok) resting = restingOf(others);
+  const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
+  if (!scene) return {};
+
+  // What the motion does not move is part of the scene, too.
+  resting.erase(std::remove_if(resting.begin(), resting.end(),
+                               [&](int i) {
+                                 return expectedShift(prev, prev.points[i], scene->T_curr_prev,
+                                                      context) < kMoves_px;
+                               }),
+                resting.end());
+  std::vector<double> depths;
+  for (const int i : resting) depths.push_back(prev.points[i].triangulated.p_camera.z());
+  const bool enough = static_cast<double>(resting.size()) >= least;
+  return enough && isNearer(depths, scene->depths) ? resting : std::vector<int>();
+}
+
+void RestingFeatures::add(const StereoFrame& frame, const std::vector<int>& points) {
+  for (const int i : points) {
+    for (int k = 0; k < kFewestPoints; ++k)
+      count(true, &cells_.at(leftPixel(frame, frame.points[i])));
+  }
+}
+
+void RestingFeatures::addLost(double dt_s) {
+  constexpr double kForgotten_s = 10.0;
+  lost_s_ += dt_s;
+  if (lost_s_ > kForgotten_s) cells_.fill(Counts());
+}
+
+void RestingFeatures::count(bool rests, Counts* counts) {
+  constexpr int kMost = 16;
+  std::uint8_t& counter = rests ? counts->rested : counts->moved;
+  if (++counter < kMost) return;
+  counts->rested /= 2;
+  counts->moved /= 2;
+}
+
+/// Of the cell of a pixel and its neighbours.
+RestingFeatures::Sums RestingFeatures::around(const Eigen::Vector2f& pixel) const {
+  Sums sums;
+  for (const int dy : {-kCellSize_px, 0, kCellSize_px}) {
+    for (const int dx : {-kCellSize_px, 0, kCellSize_px}) {
+      const Eigen::Vector2f p = pixel + Eigen::Vector2i(dx, dy).cast<float>();
+      if (p.minCoeff() < 0.0F || (last_px_ - p).minCoeff() < 0.0F) continue;
+      sums.rested += cells_.at(p).rested;
+      sums.moved += cells_.at(p).moved;
+    }
+  }
+  return sums;
+}
+
+bool RestingFeatures::rests(const Eigen::Vector2f& pixel) const {
+  const auto [rested, moved] = around(pixel);
+  return rested >= kFewestPoints && rested > kShareResting * (rested + moved);
+}
+
+/// Whether half of a segment or more lies where features rest.
+bool RestingFeatures::rests(const LineSegment& segment) const {
+  constexpr int kSamples = 8;
+  int resting = 0;
+  for (int k = 0; k < kSamples; ++k) {
+    const float along = (static_cast<float>(k) + 0.5F) / kSamples;
+    resting +=
+        rests(Eigen::Vector2f(segment.start + along * (segment.end - segment.start))) ? 1 : 0;
+  }
+  return 2 * resting >= kSamples;
+}
+
+/// False where the scene was seen to move: it does not rest but with the camera.
+bool RestingFeatures::mayRest(const Eigen::Vector2f& pixel) const {
+  return around(pixel).moved < kFewestPoints || rests(pixel);
+}
+
+}  // namespace point_line_odometry

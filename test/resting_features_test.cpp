@@ -1,0 +1,184 @@
+/// Features that rest on the robot's own body, in frames of points with known positions.
+
+#include "odometry/resting_features.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <vector>
+
+#include "synthetic_scene.h"
+
+namespace point_line_odometry {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+const StereoCamera kCamera = synthetic::roomCamera();
+
+struct WorldPoint {
+  Vector3d position;  ///< in the first camera [m]
+  Descriptor left{};
+  Descriptor right{};
+};
+
+/// Points between two depths, in a part of the image.
+std::vector<WorldPoint> makePoints(int count, double nearest, double farthest, double first_row,
+                                   double last_row, unsigned seed) {
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11U) * 0x1p-53;
+  };
+  std::vector<WorldPoint> points;
+  for (int i = 0; i < count; ++i) {
+    WorldPoint point;
+    const double depth = uniform(nearest, farthest);
+    const double u = uniform(0.25, 0.95) * kCamera.width;
+    const double v = uniform(first_row, last_row) * kCamera.height;
+    point.position =
+        depth * Vector3d((u - kCamera.cx) / kCamera.fx, (v - kCamera.cy) / kCamera.fy, 1.0);
+    for (std::uint64_t& bits : point.left) bits = random();
+    for (std::uint64_t& bits : point.right) bits = random();
+    points.push_back(point);
+  }
+  return points;
+}
+
+/// As many points of each as there are where the body hides a third of the image.
+class RestingFeaturesTest : public ::testing::Test {
+ protected:
+  /// Points of the body come first. \param T_camera_world of the scene, \param T_camera_body of
+  /// what rests usually.
+  StereoFrame frameAt(const Isometry3d& T_camera_world,
+                      const Isometry3d& T_camera_body = Isometry3d::Identity()) const {
+    StereoFrame frame;
+    for (const WorldPoint& point : body_) append(point, T_camera_body, &frame);
+    for (const WorldPoint& point : scene_) append(point, T_camera_world, &frame);
+    return frame;
+  }
+
+  static void append(const WorldPoint& point, const Isometry3d& T, StereoFrame* frame) {
+    const Vector3d p = T * point.position;
+    const Eigen::Vector2f left_px = kCamera.projectLeft(p).cast<float>();
+    const bool in_view = left_px.x() >= 0.0F && left_px.y() >= 0.0F &&
+                         left_px.x() < static_cast<float>(kCamera.width) &&
+                         left_px.y() < static_cast<float>(kCamera.height);
+    if (!in_view) return;
+    StereoPoint stereo;
+    stereo.left = static_cast<int>(frame->features.points_left.size());
+    stereo.right = stereo.left;
+    stereo.right_px = kCamera.projectRight(p).cast<float>();
+    stereo.triangulated.p_camera = p;
+    frame->points.push_back(stereo);
+    Keypoint keypoint;
+    keypoint.pixel = left_px;
+    keypoint.descriptor = point.left;
+    frame->features.points_left.push_back(keypoint);
+    keypoint.pixel = stereo.right_px;
+    keypoint.descriptor = point.right;
+    frame->features.points_right.push_back(keypoint);
+  }
+
+  std::vector<int> find(const RestingFeatures& resting, const StereoFrame& prev,
+                        const StereoFrame& curr) const {
+    TrackingResult failed;
+    failed.frame_to_frame.status = MotionStatus::kTooFewInliers;
+    return resting.findBeforeScene(prev, curr, failed, context_);
+  }
+
+  /// What is left of a frame, without its resting features.
+  static std::size_t numLeft(const RestingFeatures& resting, StereoFrame frame) {
+    resting.leaveOut(&frame);
+    return frame.points.size();
+  }
+
+  void drive(int frames, const Isometry3d& T_body, RestingFeatures* resting) const {
+    for (int k = 0; k < frames; ++k)
+      resting->learn(frameAt(Isometry3d::Identity()), frameAt(kStep, T_body), kStep, context_);
+  }
+
+  const std::vector<WorldPoint> body_ = makePoints(120, 0.8, 1.4, 0.7, 0.95, 1);
+  const std::vector<WorldPoint> scene_ = makePoints(200, 3.0, 9.0, 0.05, 0.6, 2);
+  const Isometry3d kStep = synthetic::transform({0.0, 0.02, 0.0}, {0.05, 0.0, -0.2});
+  const StereoImages images_{cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0)),
+                             cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0)), 0};
+  const StereoCorrection correction_;
+  const Parameters parameters_;
+  const FrameContext context_{images_, kCamera, correction_, parameters_};
+};
+
+TEST_F(RestingFeaturesTest, TheBodyIsFoundBeforeAMovingScene) {
+  const RestingFeatures resting(kCamera);
+  const std::vector<int> found = find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep));
+  ASSERT_EQ(found.size(), body_.size());
+  for (std::size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i], static_cast<int>(i));
+}
+
+TEST_F(RestingFeaturesTest, NothingIsFoundWhereAllRestsOrAllMoves) {
+  const RestingFeatures resting(kCamera);
+  const StereoFrame first = frameAt(Isometry3d::Identity());
+  EXPECT_TRUE(find(resting, first, first).empty());
+  EXPECT_TRUE(find(resting, first, frameAt(kStep, kStep)).empty());
+}
+
+/// Before a stationary camera something near passes, and what is behind it rests.
+TEST_F(RestingFeaturesTest, WhatRestsBehindSomethingMovingIsTheScene) {
+  const RestingFeatures resting(kCamera);
+  const StereoFrame first = frameAt(Isometry3d::Identity());
+  EXPECT_TRUE(find(resting, first, frameAt(Isometry3d::Identity(), kStep)).empty());
+}
+
+TEST_F(RestingFeaturesTest, WhatRestsInMotionIsLeftOut) {
+  RestingFeatures resting(kCamera);
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  EXPECT_EQ(numLeft(resting, frame), body_.size() + scene_.size());
+  drive(3, Isometry3d::Identity(), &resting);
+  StereoFrame left = frame;
+  resting.leaveOut(&left);
+  EXPECT_EQ(left.points.size(), scene_.size());
+  EXPECT_EQ(left.resting_points.size(), body_.size());
+
+  LineFeature on_body;
+  on_body.segment = {{300.0F, 0.8F * static_cast<float>(kCamera.height)},
+                     {400.0F, 0.9F * static_cast<float>(kCamera.height)}};
+  LineFeature in_scene = on_body;
+  in_scene.segment.start.y() = in_scene.segment.end.y() = 0.3F * static_cast<float>(kCamera.height);
+  left.features.lines_left = {on_body, in_scene};
+  left.lines.resize(2);
+  left.lines[0].left = 0;
+  left.lines[1].left = 1;
+  resting.leaveOut(&left);
+  ASSERT_EQ(left.lines.size(), 1U);
+  EXPECT_EQ(left.lines[0].left, 1);
+}
+
+/// A car ahead that keeps its distance, and then drives off.
+TEST_F(RestingFeaturesTest, WhatMovesAgainIsUsedAgain) {
+  RestingFeatures resting(kCamera);
+  drive(3, Isometry3d::Identity(), &resting);
+  drive(20, kStep, &resting);
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  EXPECT_EQ(numLeft(resting, frame), frame.points.size());
+}
+
+/// Where the scene was seen to move it can rest with the camera only.
+TEST_F(RestingFeaturesTest, ASceneThatMovedBeforeIsNoBody) {
+  RestingFeatures resting(kCamera);
+  drive(3, kStep, &resting);
+  EXPECT_TRUE(find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep)).empty());
+}
+
+TEST_F(RestingFeaturesTest, AllIsForgottenAfterALongLoss) {
+  RestingFeatures resting(kCamera);
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  resting.add(frame, find(resting, frame, frameAt(kStep)));
+  EXPECT_EQ(numLeft(resting, frame), scene_.size());
+  for (int k = 0; k < 90; ++k) resting.addLost(0.1);
+  EXPECT_EQ(numLeft(resting, frame), scene_.size());
+  for (int k = 0; k < 20; ++k) resting.addLost(0.1);
+  EXPECT_EQ(numLeft(resting, frame), frame.points.size());
+}
+
+}  // namespace
+}  // namespace point_line_odometry
