@@ -33,7 +33,7 @@ constexpr double kShareStationary = 0.75;
 // points that agree, and this share of those that move.
 constexpr double kShareOfInliers = 0.2;
 constexpr double kMinScene = 20.0;
-constexpr double kShareOfMoving = 0.35;
+constexpr double kShareOfMoving = 1.0 / 3.0;
 
 double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
                     const FrameContext& context) {
