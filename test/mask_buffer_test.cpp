@@ -67,7 +67,8 @@ TEST(MaskBuffer, OnlyTheCamerasThatHaveMasksAreWaitedFor) {
 
 TEST(MaskBuffer, KeepsABoundedNumberAndTheLatestOfEqualStamps) {
   MaskBuffer buffer(parametersFor("left"));
-  for (std::size_t i = 0; i <= MaskBuffer::kCapacity; ++i)
+  const std::size_t capacity = MaskBuffer::capacity(parametersFor("left"));
+  for (std::size_t i = 0; i <= capacity; ++i)
     buffer.add(0, imageAt(1.0 + 0.25 * static_cast<double>(i)));
   EXPECT_FALSE(buffer.isReady(pairAt(1.0), 0.0));
   buffer.add(0, imageAt(1.0));

@@ -89,6 +89,21 @@ class LiveTest(SystemTest, ReportChecks):
         self.check_live({"calibration": ("ERROR", "swapped"), "disparity": ("ERROR", "swapped")},
                      *swap)
 
+    def test_takes_the_topics_of_the_node(self):
+        """A launch file gives the node the topics of a driver with other names."""
+        topics = [f"{side}/{name}:=/stereo/{side}/{name}" for side in ("left", "right")
+                  for name in ("image_rect", "camera_info")]
+        node = self.system.start([find_program("stereo_odometry"), "__ns:=driven", *topics], "driven")
+        try:
+            self.assertTrue(wait_until(lambda: subprocess.run(
+                ["rosparam", "get", "/driven/stereo_odometry/remappings/right_camera_info"],
+                env=self.system.environment, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL).returncode == 0))
+            self.check_live({}, "--ns", "driven")
+        finally:
+            self.system.end(node)
+        self.check_live({}, "--ns", "driven")
+
     def test_missing_topics(self):
         self.check_live({"left image": ("ERROR", "/stereo/left/image_raw", "set rectify to false"),
                       "right image": ("ERROR", "/stereo/right/image_raw", "set rectify to false")},

@@ -142,14 +142,14 @@ void Diagnostics::noteWaitingForTransform(const std::string& text) {
   problem_ = text;
 }
 
-void Diagnostics::noteImu(const SourceFacts& imu) {
+void Diagnostics::noteImu(std::optional<SourceFacts> imu) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  imu_ = imu;
+  imu_ = std::move(imu);
 }
 
-void Diagnostics::noteWheels(const WheelFacts& wheels) {
+void Diagnostics::noteWheels(std::optional<WheelFacts> wheels) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  wheels_ = wheels;
+  wheels_ = std::move(wheels);
 }
 
 void Diagnostics::noteCheck(const std::vector<DoctorLine>& lines) {

@@ -51,8 +51,9 @@ class Diagnostics {
   void noteRejectedStamp(const std::string& text);
   void notePaused(bool paused);
   void noteWaitingForTransform(const std::string& text);
-  void noteImu(const SourceFacts& imu);
-  void noteWheels(const WheelFacts& wheels);
+  /// Nothing: it is not used (any more).
+  void noteImu(std::optional<SourceFacts> imu);
+  void noteWheels(std::optional<WheelFacts> wheels);
   void noteCheck(const std::vector<DoctorLine>& lines);
 
   FrameCounters counters() const;

@@ -8,12 +8,18 @@ namespace point_line_odometry {
 
 MaskBuffer::MaskBuffer(const NodeParameters& parameters)
     : expected_{expectsMask(parameters, 0), expectsMask(parameters, 1)},
-      wait_s_(parameters.mask_wait_s) {}
+      wait_s_(parameters.mask_wait_s),
+      capacity_(capacity(parameters)) {}
+
+std::size_t MaskBuffer::capacity(const NodeParameters& parameters) {
+  constexpr std::size_t kLeast = 50;
+  return kLeast + pairsWhile(parameters.mask_wait_s);
+}
 
 void MaskBuffer::add(std::size_t camera, const sensor_msgs::ImageConstPtr& mask) {
   const std::lock_guard<std::mutex> lock(mutex_);
   masks_[camera].push_back(mask);
-  if (masks_[camera].size() > kCapacity) masks_[camera].pop_front();
+  if (masks_[camera].size() > capacity_) masks_[camera].pop_front();
 }
 
 /// The one that came last, if a bag is played again.

@@ -19,8 +19,8 @@ namespace point_line_odometry {
 /// its images, which must be equal. Thread-safe.
 class MaskBuffer {
  public:
-  /// Masks kept for a camera; the oldest is dropped first.
-  static constexpr std::size_t kCapacity = 50;
+  /// Masks kept for a camera, those of a pair that waits among them; the oldest is dropped first.
+  static std::size_t capacity(const NodeParameters& parameters);
 
   explicit MaskBuffer(const NodeParameters& parameters);
 
@@ -40,6 +40,7 @@ class MaskBuffer {
 
   const std::array<bool, 2> expected_;
   const double wait_s_;
+  const std::size_t capacity_;
   mutable std::mutex mutex_;
   std::array<std::deque<sensor_msgs::ImageConstPtr>, 2> masks_;  // in the order of arrival
 };

@@ -1,5 +1,8 @@
 #include "ros/node_parameters.h"
 
+#include <cmath>
+#include <utility>
+
 #include "common/parameter_checker.h"
 
 namespace point_line_odometry {
@@ -29,6 +32,15 @@ std::vector<std::string> checkNodeParameters(const NodeParameters& parameters) {
   if (parameters.odom_frame_id == parameters.base_frame_id) {
     checker.errors.emplace_back("odom_frame_id and base_frame_id are the same, but must differ");
   }
+  for (const auto& [name, frame] :
+       {std::pair<const char*, const std::string&>{"odom_frame_id", parameters.odom_frame_id},
+        {"base_frame_id", parameters.base_frame_id},
+        {"guess_frame_id", parameters.guess_frame_id}}) {
+    if (!frame.empty() && frame.front() == '/')
+      checker.errors.emplace_back(std::string(name) + ": '" + frame +
+                                  "' begins with a slash, but tf2 has no such frames; set '" +
+                                  frame.substr(1) + "'");
+  }
   if (usesTfGuess(parameters) && (parameters.guess_frame_id == parameters.base_frame_id ||
                                   parameters.guess_frame_id == parameters.odom_frame_id)) {
     checker.errors.emplace_back(
@@ -42,6 +54,11 @@ bool usesTfGuess(const NodeParameters& parameters) { return parameters.guess_fra
 
 bool usesWheels(const AllParameters& parameters) {
   return parameters.core.wheels.enabled || usesTfGuess(parameters.node);
+}
+
+std::size_t pairsWhile(double seconds) {
+  constexpr double kFastestCamera_hz = 100.0;
+  return static_cast<std::size_t>(std::ceil(seconds * kFastestCamera_hz));
 }
 
 bool expectsMask(const NodeParameters& parameters, std::size_t camera) {

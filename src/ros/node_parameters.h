@@ -135,6 +135,9 @@ std::vector<std::string> nodeParameterNames();
 /// all are fine.
 std::vector<std::string> checkNodeParameters(const NodeParameters& parameters);
 
+/// Pairs of the fastest cameras in a time.
+std::size_t pairsWhile(double seconds);
+
 /// Whether images of a camera (0: left) have masks of their own.
 bool expectsMask(const NodeParameters& parameters, std::size_t camera);
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ros/parameter_tree.h"
+#include "ros/remapped_names.h"
 
 namespace point_line_odometry {
 
@@ -15,6 +16,7 @@ AllParameters parseParameters(const XmlRpc::XmlRpcValue& tree, std::vector<std::
   visitNodeParameters(parameters.node, values);
   visitParameters(parameters.core, values);
   values.ignoreSection(parameters.node.image_transport);  // the transport's own
+  values.ignoreSection(kRemappingsSection);               // of a node that ran before
   const std::vector<std::string> retired = values.ignoreRetired();
   if (warnings != nullptr) *warnings = retired;
   std::vector<std::string> errors = values.errors();

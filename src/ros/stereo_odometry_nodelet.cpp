@@ -8,6 +8,7 @@
 #include "odometry/stage_timer.h"
 #include "ros/conversions.h"
 #include "ros/parameter_loader.h"
+#include "ros/remapped_names.h"
 
 namespace point_line_odometry {
 namespace {
@@ -19,10 +20,9 @@ constexpr std::chrono::milliseconds kMaskRetry{2};
 
 /// Pairs that may wait: those of the parameter, and those that wait for their masks.
 std::size_t queueCapacity(const NodeParameters& parameters) {
-  constexpr double kFastestCamera_hz = 100.0;
   const bool masks = expectsMask(parameters, 0) || expectsMask(parameters, 1);
-  const double waiting = masks ? std::ceil(parameters.mask_wait_s * kFastestCamera_hz) : 0.0;
-  return static_cast<std::size_t>(parameters.queue_size) + static_cast<std::size_t>(waiting);
+  return static_cast<std::size_t>(parameters.queue_size) +
+         (masks ? pairsWhile(parameters.mask_wait_s) : 0);
 }
 
 }  // namespace
@@ -34,10 +34,10 @@ StereoOdometryNodelet::~StereoOdometryNodelet() {
   reconfiguration_.reset();
   subscriber_.reset();
   mask_subscribers_.clear();
+  if (queue_) queue_->stop();
+  if (worker_.joinable()) worker_.join();  // it may subscribe to these until then
   imu_.unsubscribe();
   wheels_.unsubscribe();
-  if (queue_) queue_->stop();
-  if (worker_.joinable()) worker_.join();
 }
 
 void StereoOdometryNodelet::onInit() {
@@ -53,6 +53,7 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
   const ros::NodeHandle& nh = getNodeHandle();
   const ros::NodeHandle& private_nh = getPrivateNodeHandle();
   parameters_ = parameters.node;
+  publishRemappings(nh, private_nh);
   budget_ = AdaptiveFeatureBudget(parameters_.target_frame_time_ms);
   tf_listener_ = std::make_unique<tf2_ros::TransformListener>(tf_buffer_, nh);
   publishers_ = std::make_unique<Publishers>(nh, parameters_);
@@ -227,6 +228,7 @@ void StereoOdometryNodelet::applyRequests() {
       imu_.subscribe(getNodeHandle());
     } else {
       imu_.unsubscribe();
+      diagnostics_->noteImu(std::nullopt);
     }
     enableWheels(parameters->wheels.enabled);
   }
@@ -304,6 +306,7 @@ void StereoOdometryNodelet::enableWheels(bool enabled) {
     wheels_.subscribe(getNodeHandle());
   } else {
     wheels_.unsubscribe();
+    if (!guess_) diagnostics_->noteWheels(std::nullopt);
   }
 }
 

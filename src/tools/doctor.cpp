@@ -20,6 +20,7 @@
 #include "ros/doctor_rules.h"
 #include "ros/mask_buffer.h"
 #include "ros/parameter_loader.h"
+#include "ros/remapped_names.h"
 #include "ros/sample_input.h"
 #include "ros/stereo_subscriber.h"
 #include "tools/command_line.h"
@@ -111,8 +112,9 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
     throw InputError("no ROS master answers at " + ros::master::getURI() +
                      ": start the robot's or set ROS_MASTER_URI, or name a bag");
   }
-  const ros::NodeHandle nh(options.name_space);
-  AllParameters parameters = loadNodeParameters(ros::NodeHandle(nh, options.node));
+  const ros::NodeHandle node(ros::NodeHandle(options.name_space), options.node);
+  AllParameters parameters = loadNodeParameters(node);
+  const ros::NodeHandle nh(options.name_space, loadRemappings(node));
   applyOptions(options, values, &parameters.node);
   tf2_ros::Buffer tf;
   const tf2_ros::TransformListener listener(tf, nh);

@@ -10,6 +10,7 @@
 #include "ros/calibration_conversion.h"
 #include "ros/image_conversion.h"
 #include "ros/parameter_loader.h"
+#include "ros/remapped_names.h"
 #include "ros/stereo_subscriber.h"
 #include "tools/interruption.h"
 
@@ -18,8 +19,13 @@ namespace {
 
 constexpr double kLongestWait_s = 10.0;  // for a pair
 
-NodeParameters readParameters(const ros::NodeHandle& nh, const LiveOptions& options) {
-  NodeParameters parameters = loadNodeParameters(ros::NodeHandle(nh, options.node)).node;
+/// Where the odometry's node has its private parameters.
+ros::NodeHandle nodeOf(const LiveOptions& options) {
+  return {ros::NodeHandle(options.name_space), options.node};
+}
+
+NodeParameters readParameters(const LiveOptions& options) {
+  NodeParameters parameters = loadNodeParameters(nodeOf(options)).node;
   if (!options.rectify.empty()) parameters.rectify = options.rectify == "true";
   if (!options.transport.empty()) parameters.image_transport = options.transport;
   if (options.max_interval_s > 0.0) {
@@ -32,8 +38,8 @@ NodeParameters readParameters(const ros::NodeHandle& nh, const LiveOptions& opti
 class LiveSource : public StereoSource {
  public:
   explicit LiveSource(const LiveOptions& options)
-      : nh_(options.name_space),
-        parameters_(readParameters(nh_, options)),
+      : nh_(options.name_space, loadRemappings(nodeOf(options))),
+        parameters_(readParameters(options)),
         subscriber_(nh_, ros::NodeHandle("~"), parameters_,
                     [this](const StereoMessages& set) { newest_ = set; }) {
     if (!waitForPair()) throw InputError(subscriber_.explainTimeout());
