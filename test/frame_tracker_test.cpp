@@ -49,12 +49,21 @@ class FusionTest : public ::testing::Test {
     return frame;
   }
 
+  /// The same in the dark: with points of a coarser level.
+  StereoFrame darkFrameOf(int i) {
+    StereoFrame frame = frameOf(i);
+    frame.left_image.addLevels(parameters_.points);
+    for (Keypoint& keypoint : frame.features.points_left) keypoint.octave = 1;
+    return frame;
+  }
+
   /// Tracks k-1 -> k. \param T_previous_before motion k-2 -> k-1; without it there is no frame k-2.
   TrackingResult track(const std::optional<Isometry3d>& T_previous_before) {
     FrameHistory history;
     history.previous = frameOf(1);
     if (T_previous_before)
-      history.before_previous = FrameBeforePrevious{frameOf(0), *T_previous_before};
+      history.before_previous =
+          FrameBeforePrevious{dark_before_ ? darkFrameOf(0) : frameOf(0), *T_previous_before};
     const FrameContext context{images_[2], kCamera, correction_, parameters_};
     const std::optional<CameraVelocity> velocity;
     const FramePrior prior;
@@ -63,6 +72,7 @@ class FusionTest : public ::testing::Test {
     return tracker.track(frameOf(2));
   }
 
+  bool dark_before_ = false;
   Parameters parameters_;
   StereoCorrection correction_{kCamera};
   ThreadPool threads_{2};
@@ -114,6 +124,15 @@ TEST_F(FusionTest, TheTranslationFitsTheFusedRotation) {
       fused.motion.T_curr_prev.translation() - agreeing.motion.T_curr_prev.translation();
   EXPECT_GT(moved.x(), 0.004);
   EXPECT_LT(moved.x(), 0.020);
+}
+
+/// Out of the dark: the current image has no levels any more, frame k-2 has points of one.
+TEST_F(FusionTest, FrameBeforeMayHaveLevelsThatTheCurrentOneLacks) {
+  dark_before_ = true;
+  const TrackingResult fused = track(poseOf(1).inverse() * poseOf(0));
+  ASSERT_EQ(fused.reason, TrackingReason::kNone);
+  const Isometry3d T_curr_previous = poseOf(2).inverse() * poseOf(1);
+  EXPECT_LT(rotationBetween(fused.motion.T_curr_prev, T_curr_previous).norm(), 0.002);
 }
 
 }  // namespace

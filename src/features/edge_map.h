@@ -36,8 +36,9 @@ class EdgePixel {
 class EdgeMap {
  public:
   static constexpr int kMargin = 8;
+  static constexpr int kMinThreshold = 4;  ///< weaker edges are none in some directions
 
-  /// \param threshold least strength of an edge [Sobel units], at least 4.
+  /// \param threshold least strength of an edge [Sobel units], at least kMinThreshold.
   /// \param anchor_interval rows or columns between the anchors of an edge: no edge that is longer
   /// along its main axis is missed. \param allowed CV_8UC1, 0 where no edges are wanted, or empty.
   void compute(const GradientImage& gradient, int threshold, int anchor_interval,

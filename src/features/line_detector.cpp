@@ -166,7 +166,9 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient,
   if (size.width < 3 || size.height < 3) return segments;
   if (scratch_->table.imageSize() != size) scratch_->table = AContrarioTable(size);
   EdgeMap& map = scratch_->map;
-  const int threshold = static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale));
+  const int threshold =
+      std::max(EdgeMap::kMinThreshold,
+               static_cast<int>(std::lround(parameters_.min_gradient * kSobelScale)));
   const int anchor_interval = std::clamp(static_cast<int>(0.4 * parameters_.min_length_px), 1, 8);
   map.compute(gradient, threshold, anchor_interval, mask.edges());
   for (const std::int32_t anchor : map.anchors()) {

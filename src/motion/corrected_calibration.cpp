@@ -22,7 +22,8 @@ class CameraChange {
  public:
   explicit CameraChange(const CameraCalibration& camera)
       : camera_(camera), has_tangential_(camera.distortion_model != "equidistant") {
-    if (has_tangential_ && camera_.D.size() < 4) camera_.D.assign(5, 0.0);
+    if (has_tangential_ && camera_.D.size() < 4)
+      camera_.D.assign(camera_.distortion_model == "rational_polynomial" ? 8 : 5, 0.0);
     if (camera_.distortion_model.empty()) camera_.distortion_model = "plumb_bob";
   }
 

@@ -92,9 +92,10 @@ void observeFeatures(const StereoFrame& curr, const StereoCamera& camera,
   }
 }
 
-/// A prior of a frame without a motion carries the pose.
+/// A prior of a frame without a motion carries the pose; relocalization uses none.
 PriorReport reportPrior(const TrackingResult& tracked, const FramePrior& prior) {
   PriorReport report = tracked.prior;
+  if (tracked.relocalized) return report;
   const bool measured = tracked.reason == TrackingReason::kNone;
   if (report.use == PriorUse::kNone || (report.use == PriorUse::kUsed && !measured))
     report.use = prior.use;

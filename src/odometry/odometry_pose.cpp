@@ -41,7 +41,8 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   if (tracked.reason != TrackingReason::kNone) return predict(stamp_ns, dt_s, parameters, prior);
   const double since_previous_s = toSeconds(stamp_ns - history.previous->stamp_ns);
   integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, stamp_ns);
-  if (since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
+  const bool gap = dt_s > parameters.max_frame_gap_s;
+  if (gap || since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
     integrator_.widenVelocity();
     smoother_.followUnknown(integrator_, integrator_.twist(), dt_s);
   } else {

@@ -188,8 +188,13 @@ class StateArchive : public Direction {
  private:
   template <typename Container>
   void visitElements(Container& values) {
-    values.resize(Direction::count(values.size()));
-    for (auto& value : values) visit(value);
+    // One by one: a damaged count must not allocate more than there are bytes for.
+    const std::size_t size = Direction::count(values.size());
+    if (values.size() > size) values.resize(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      if (i == values.size()) values.emplace_back();
+      visit(values[i]);
+    }
   }
 
   template <typename Members, std::size_t... kIndices>
