@@ -71,9 +71,9 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     stereo_calibration.addVerticalDisparities(verticalDisparities(curr),
                                               parameters.motion.point_noise_px);
   }
-  if (measured) {
+  if (measured && parameters.matching.wide_search) {
     resting.learn(*history.previous, curr, tracked.motion.T_curr_prev, context);
-  } else {
+  } else if (!measured) {
     resting.addLost(dt_s);
   }
   if (shouldReplace(history, curr, tracked, parameters)) {
@@ -138,7 +138,7 @@ void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters
 
 bool OdometryState::leaveOutResting(const StereoFrame& curr, const TrackingResult& tracked,
                                     const FrameContext& context) {
-  if (!history.previous) return false;
+  if (!history.previous || !context.parameters.matching.wide_search) return false;
   const std::vector<int> points =
       resting.findBeforeScene(*history.previous, curr, tracked, context);
   if (points.empty()) return false;
