@@ -171,6 +171,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
   const Parameters before = std::exchange(parameters, validated(wanted));
   if (!wanted.motion.adapt_noise || wanted.window.size == 0) state.noise = NoiseScale();
+  if (!wanted.matching.wide_search) state.resting = RestingFeatures(scaling.camera());
   threads = std::make_unique<ThreadPool>(wanted.tracking.threads);
   detector = StereoFeatureDetector(wanted.points, wanted.lines);
   if (ImageScaling(input_camera, wanted.tracking).camera() != scaling.camera())

@@ -1,5 +1,6 @@
 #include "ros/frame_processor.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -266,17 +267,22 @@ void FrameProcessor::takeCalibration(Calibration calibration) {
 /// A stamp that is older by at most kMaxLateness_s belongs to a late frame, which the core drops.
 void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
   if (parameters_.node.on_time_jump == "ignore") return;
-  const bool samples_are_newer =
-      newest_stamp_ns_ && toSeconds(*newest_stamp_ns_ - stamp_ns) > kMaxLateness_s;
-  if (samples_are_newer || !newest_stamp_ns_ || stamp_ns > *newest_stamp_ns_)
-    newest_stamp_ns_ = stamp_ns;
-  if (samples_are_newer && gyroscope_) gyroscope_->clear();
-  if (samples_are_newer && wheels_) wheels_->clear();
+  dropSamplesBeforeJump(stamp_ns);
   if (!last_stamp_ns_) return;
   const double back_s = toSeconds(*last_stamp_ns_ - stamp_ns);
   if (back_s <= kMaxLateness_s) return;
   was_reset_ = parameters_.node.on_time_jump == "reset";
   reset(was_reset_ ? initialPose(parameters_.node) : T_odom_base_);
+}
+
+/// Samples of the IMU and the wheels, also if a reset came between them and the jump.
+void FrameProcessor::dropSamplesBeforeJump(std::int64_t stamp_ns) {
+  if (newest_stamp_ns_ && toSeconds(*newest_stamp_ns_ - stamp_ns) > kMaxLateness_s) {
+    newest_stamp_ns_.reset();
+    if (gyroscope_) gyroscope_->clear();
+    if (wheels_) wheels_->clear();
+  }
+  newest_stamp_ns_ = std::max(newest_stamp_ns_.value_or(stamp_ns), stamp_ns);
 }
 
 void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {

@@ -120,6 +120,7 @@ class FrameProcessor {
   [[noreturn]] void rejectUnconfirmed(const InfoPair& infos) const;
   void takeCalibration(Calibration calibration);
   void handleTimeJump(std::int64_t stamp_ns);
+  void dropSamplesBeforeJump(std::int64_t stamp_ns);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
   void startImu();
@@ -143,8 +144,7 @@ class FrameProcessor {
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_base_;  // at the last frame, or initial pose of the next one
   std::optional<std::int64_t> last_stamp_ns_;
-  std::optional<std::int64_t>
-      newest_stamp_ns_;  // of the samples that may be here; a reset keeps it
+  std::optional<std::int64_t> newest_stamp_ns_;  // since the last jump; a reset keeps it
   bool was_reset_ = false;
   bool continues_ = false;  // as in FrameStart
   std::function<void(const FrameStart&)> observe_start_;
