@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "matching/appearance_matcher.h"
 #include "motion/camera_motion.h"
@@ -206,43 +207,54 @@ TrackingResult FrameTracker::trackFrameToFrame(const StereoFrame& curr,
   return tracked;
 }
 
-/// Matches near the prediction, and where that finds few of the features in view, in the whole
-/// image: first points with a depth, and if that gives no motion those too far for one.
+/// Matches near the prediction, and where that finds few of the features in view, points with a
+/// depth in the whole image. If that gives no motion: as far around the prediction as without a
+/// velocity, then around a rotation by points too far for a depth.
 TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
                                               const Expectation& expected, const Stages& stages,
                                               ThreadPool* threads) const {
+  const double radius_px = parameters_.matching.search_radius_px;
   TrackingResult tracked = matchAndEstimateNear(earlier, curr, expected, stages, threads);
   if (!parameters_.matching.wide_search) return tracked;
   if (shareFound(earlier, context_.camera, tracked) >= kShareFound) return tracked;
-  tracked = matchAndEstimateByConsensus(tracked, earlier, curr, expected, stages, threads);
+  if (const auto consensus =
+          findConsensus(matchWholeImage(referencePoints(earlier, false), curr), context_.camera)) {
+    const Expectation by_appearance{{consensus->T_curr_prev, radius_px}, expected.prior};
+    tracked = better(std::move(tracked),
+                     matchAndEstimateNear(earlier, curr, by_appearance, stages, threads), earlier,
+                     curr, expected);
+  }
+  const double wide_px = parameters_.matching.search_radius_without_velocity_px;
+  if (!tracked.frame_to_frame.ok() && expected.prediction.radius_px < wide_px) {
+    const Expectation wider{{expected.prediction.T_curr_prev, wide_px}, expected.prior};
+    TrackingResult retried = matchAndEstimateNear(earlier, curr, wider, stages, threads);
+    const MotionEstimate& motion = retried.frame_to_frame;
+    if (motion.num_point_inliers + motion.num_line_inliers >= kMinConsensus)
+      tracked = better(std::move(tracked), std::move(retried), earlier, curr, expected);
+  }
   if (tracked.frame_to_frame.ok()) return tracked;
   const std::optional<MotionConsensus> turned =
       findRotation(matchWholeImage(referencePoints(earlier, true), curr), context_.camera,
                    expected.prediction.T_curr_prev.inverse().translation());
   if (!turned) return tracked;
-  const Expectation by_far{
-      {turned->T_curr_prev, kRadiusOfRotation * parameters_.matching.search_radius_px},
-      expected.prior};
+  const Expectation by_far{{turned->T_curr_prev, kRadiusOfRotation * radius_px}, expected.prior};
   TrackingResult retried = matchAndEstimateNear(earlier, curr, by_far, stages, threads);
   return retried.frame_to_frame.ok() ? retried : tracked;
 }
 
-/// What points with a depth give that are matched in the whole image, if it is better than
-/// `tracked`.
-TrackingResult FrameTracker::matchAndEstimateByConsensus(
-    const TrackingResult& tracked, const StereoFrame& earlier, const StereoFrame& curr,
-    const Expectation& expected, const Stages& stages, ThreadPool* threads) const {
-  const std::optional<MotionConsensus> consensus =
-      findConsensus(matchWholeImage(referencePoints(earlier, false), curr), context_.camera);
-  if (!consensus) return tracked;
-  const Expectation by_appearance{{consensus->T_curr_prev, parameters_.matching.search_radius_px},
-                                  expected.prior};
-  TrackingResult retried = matchAndEstimateNear(earlier, curr, by_appearance, stages, threads);
+/// Of two results of the same frame the one that finds more of the features. A motion that a camera
+/// hardly makes is none by which few are found: something that moves by itself, as a car, may agree
+/// on it.
+TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retried,
+                                    const StereoFrame& earlier, const StereoFrame& curr,
+                                    const Expectation& expected) const {
   const double found = shareFound(earlier, context_.camera, tracked);
   const double found_retried = shareFound(earlier, context_.camera, retried);
-  if (found >= kShareOfScene && isPlausible(tracked.frame_to_frame, expected, earlier, curr) &&
-      !isPlausible(retried.frame_to_frame, expected, earlier, curr))
-    return tracked;
+  if (isImplausible(retried.frame_to_frame, expected, earlier, curr)) {
+    const bool is_scene =
+        found >= kShareOfScene && !isImplausible(tracked.frame_to_frame, expected, earlier, curr);
+    if (is_scene || found_retried < kShareFound) return tracked;
+  }
   return found_retried > found ? retried : tracked;
 }
 
@@ -327,12 +339,11 @@ ConstantVelocityMotion FrameTracker::atVelocity(const Eigen::Isometry3d& T_curr_
   return {T_curr_prev, dt_s * dt_s * velocity_->covariance, dt_s};
 }
 
-/// Whether a camera may move so after the predicted motion; false without a current velocity.
-bool FrameTracker::isPlausible(const MotionEstimate& motion, const Expectation& expected,
-                               const StereoFrame& prev, const StereoFrame& curr) const {
+/// Whether a camera hardly moves so after the predicted motion; false without a current velocity.
+bool FrameTracker::isImplausible(const MotionEstimate& motion, const Expectation& expected,
+                                 const StereoFrame& prev, const StereoFrame& curr) const {
   if (!isCurrent(velocity_) || !parameters_.motion.solve_near_prediction) return false;
-  return point_line_odometry::isPlausible(motion,
-                                          atVelocity(expected.prediction.T_curr_prev, prev, curr));
+  return !isPlausible(motion, atVelocity(expected.prediction.T_curr_prev, prev, curr));
 }
 
 /// By the images alone, and again with the prior unless the two disagree.

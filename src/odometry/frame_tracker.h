@@ -116,10 +116,8 @@ class FrameTracker {
   TrackingResult matchAndEstimate(const StereoFrame& earlier, const StereoFrame& curr,
                                   const Expectation& expected, const Stages& stages,
                                   ThreadPool* threads) const;
-  TrackingResult matchAndEstimateByConsensus(const TrackingResult& tracked,
-                                             const StereoFrame& earlier, const StereoFrame& curr,
-                                             const Expectation& expected, const Stages& stages,
-                                             ThreadPool* threads) const;
+  TrackingResult better(TrackingResult tracked, TrackingResult retried, const StereoFrame& earlier,
+                        const StereoFrame& curr, const Expectation& expected) const;
   TrackingResult matchAndEstimateNear(const StereoFrame& earlier, const StereoFrame& curr,
                                       const Expectation& expected, const Stages& stages,
                                       ThreadPool* threads) const;
@@ -127,8 +125,8 @@ class FrameTracker {
                                                    const StereoFrame& curr) const;
   void trackLocalMap(const StereoFrame& curr, const Expectation& expected,
                      TrackingResult* tracked) const;
-  bool isPlausible(const MotionEstimate& motion, const Expectation& expected,
-                   const StereoFrame& prev, const StereoFrame& curr) const;
+  bool isImplausible(const MotionEstimate& motion, const Expectation& expected,
+                     const StereoFrame& prev, const StereoFrame& curr) const;
   MotionEstimate estimateByImages(const Correspondences& matches,
                                   const Eigen::Isometry3d& T_curr_prev, const StereoFrame& prev,
                                   const StereoFrame& curr, ThreadPool* threads) const;
