@@ -255,7 +255,8 @@ TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retri
         found >= kShareOfScene && !isImplausible(tracked.frame_to_frame, expected, earlier, curr);
     if (is_scene || found_retried < kShareFound) return tracked;
   }
-  return found_retried > found ? retried : tracked;
+  if (found_retried > found) return retried;
+  return tracked;
 }
 
 /// The points that match by appearance.
