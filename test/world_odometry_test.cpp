@@ -171,7 +171,7 @@ TEST(HardMotion, TheMapRefutesWrongMatchesThatAgree) {
 /// Every fourth frame of a drive in the dark, of which little is found again. Where 15 of 96
 /// matches agree that the robot has nearly stopped, it would have braked by 30 m/s^2: that is not
 /// believed.
-TEST(WorldOdometry, FewMatchesDoNotStopAFastRobot) {
+TEST(HardMotion, FewMatchesDoNotStopAFastRobot) {
   SyntheticWorldOptions options;
   options.seed = 1242;
   options.speed = 1.5;
@@ -187,9 +187,9 @@ TEST(WorldOdometry, FewMatchesDoNotStopAFastRobot) {
   }
 }
 
-/// Every fourth frame of a turn at the end of a corridor: there are few features, no consensus of
-/// those that match by appearance, and the turn begins at once: more than the search radius off.
-TEST(WorldOdometry, ATurnBeforeAPlainWallIsFollowed) {
+/// Every fourth frame of a drive to the end of a corridor, where few features are in view and a
+/// turn begins that the velocity does not predict.
+TEST(HardMotion, ATurnBeforeAPlainWallIsFollowed) {
   SyntheticWorldOptions options;
   options.scene = "corridor";
   options.seed = 11;
