@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstddef>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -80,11 +83,32 @@ class RestingFeaturesTest : public ::testing::Test {
     frame->features.points_right.push_back(keypoint);
   }
 
-  std::vector<int> find(const RestingFeatures& resting, const StereoFrame& prev,
-                        const StereoFrame& curr) const {
+  std::optional<RestingBody> find(const RestingFeatures& resting, const StereoFrame& prev,
+                                  const StereoFrame& curr) const {
     TrackingResult failed;
     failed.frame_to_frame.status = MotionStatus::kTooFewInliers;
     return resting.findBeforeScene(prev, curr, failed, context_);
+  }
+
+  /// Whether what is found of a body before a scene is enough.
+  bool confirm(const StereoFrame& prev, const StereoFrame& curr, RestingFeatures* resting) const {
+    return resting->confirm(find(*resting, prev, curr), prev, curr, context_);
+  }
+
+  /// A frame with these of the scene's points only.
+  StereoFrame withScene(std::size_t count, const Isometry3d& T_camera_world) const {
+    StereoFrame frame;
+    for (const WorldPoint& point : body_) append(point, Isometry3d::Identity(), &frame);
+    for (std::size_t i = 0; i < count; ++i) append(scene_[i], T_camera_world, &frame);
+    return frame;
+  }
+
+  /// What is left of the body in a frame, without its resting features.
+  std::ptrdiff_t numLeftOfBody(const RestingFeatures& resting, StereoFrame frame) const {
+    resting.leaveOut(&frame);
+    return std::count_if(frame.points.begin(), frame.points.end(), [&](const StereoPoint& point) {
+      return point.left < static_cast<int>(body_.size());
+    });
   }
 
   /// What is left of a frame, without its resting features.
@@ -94,8 +118,10 @@ class RestingFeaturesTest : public ::testing::Test {
   }
 
   void drive(int frames, const Isometry3d& T_body, RestingFeatures* resting) const {
+    TrackingResult tracked;
+    tracked.motion.T_curr_prev = kStep;
     for (int k = 0; k < frames; ++k)
-      resting->learn(frameAt(Isometry3d::Identity()), frameAt(kStep, T_body), kStep, context_);
+      resting->learn(frameAt(Isometry3d::Identity()), frameAt(kStep, T_body), tracked, context_);
   }
 
   const std::vector<WorldPoint> body_ = makePoints(120, 0.8, 1.4, 0.7, 0.95, 1);
@@ -110,23 +136,68 @@ class RestingFeaturesTest : public ::testing::Test {
 
 TEST_F(RestingFeaturesTest, TheBodyIsFoundBeforeAMovingScene) {
   const RestingFeatures resting(kCamera);
-  const std::vector<int> found = find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep));
-  ASSERT_EQ(found.size(), body_.size());
-  for (std::size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i], static_cast<int>(i));
+  const auto found = find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep));
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->points.size(), body_.size());
+  for (std::size_t i = 0; i < body_.size(); ++i) EXPECT_EQ(found->points[i], static_cast<int>(i));
+  EXPECT_TRUE(found->T_curr_prev.isApprox(kStep, 1e-3));
+  EXPECT_GT(found->num_scene, 100);
+}
+
+/// In the dark, a frame shows few points of the scene.
+TEST_F(RestingFeaturesTest, FewPointsOfTheSceneAreEnoughInFramesOneAfterTheOther) {
+  RestingFeatures resting(kCamera);
+  const StereoFrame prev = withScene(12, Isometry3d::Identity());
+  const StereoFrame curr = withScene(12, kStep);
+  EXPECT_FALSE(confirm(prev, curr, &resting));
+  EXPECT_EQ(numLeft(resting, prev), prev.points.size());
+  ASSERT_TRUE(confirm(prev, curr, &resting));
+  EXPECT_EQ(numLeftOfBody(resting, prev), 0);
+
+  RestingFeatures interrupted(kCamera);
+  EXPECT_FALSE(confirm(prev, curr, &interrupted));
+  for (int k = 0; k < 3; ++k) EXPECT_FALSE(confirm(prev, prev, &interrupted));
+  EXPECT_FALSE(confirm(prev, curr, &interrupted));
+}
+
+/// In the dark, most points of a body are noise that is not found again.
+TEST_F(RestingFeaturesTest, ABodyOfWhichLittleIsFoundAgainRestsOnceItIsFound) {
+  const auto leftAfter = [&](bool confirmed) {
+    RestingFeatures resting(kCamera);
+    const StereoFrame frame = frameAt(Isometry3d::Identity());
+    if (confirmed) {
+      EXPECT_TRUE(confirm(frame, frameAt(kStep), &resting));
+    }
+    TrackingResult tracked;
+    tracked.motion.T_curr_prev = tracked.frame_to_frame.T_curr_prev = kStep;
+    tracked.frame_to_frame.status = MotionStatus::kOk;
+    tracked.frame_to_frame.num_point_inliers = 80;
+    for (std::size_t k = 0; k < 60; ++k) {
+      StereoFrame dark = frameAt(kStep);
+      for (std::size_t i = 0; i < body_.size(); ++i) {
+        if (i % 10 != k % 10) dark.features.points_left[i].descriptor = {};
+      }
+      resting.learn(frame, dark, tracked, context_);
+    }
+    return numLeftOfBody(resting, frame);
+  };
+  const auto size = static_cast<std::ptrdiff_t>(body_.size());
+  EXPECT_GT(leftAfter(false), size / 2);
+  EXPECT_LT(leftAfter(true), size / 20);
 }
 
 TEST_F(RestingFeaturesTest, NothingIsFoundWhereAllRestsOrAllMoves) {
   const RestingFeatures resting(kCamera);
   const StereoFrame first = frameAt(Isometry3d::Identity());
-  EXPECT_TRUE(find(resting, first, first).empty());
-  EXPECT_TRUE(find(resting, first, frameAt(kStep, kStep)).empty());
+  EXPECT_FALSE(find(resting, first, first));
+  EXPECT_FALSE(find(resting, first, frameAt(kStep, kStep)));
 }
 
 /// Before a stationary camera something near passes, and what is behind it rests.
 TEST_F(RestingFeaturesTest, WhatRestsBehindSomethingMovingIsTheScene) {
   const RestingFeatures resting(kCamera);
   const StereoFrame first = frameAt(Isometry3d::Identity());
-  EXPECT_TRUE(find(resting, first, frameAt(Isometry3d::Identity(), kStep)).empty());
+  EXPECT_FALSE(find(resting, first, frameAt(Isometry3d::Identity(), kStep)));
 }
 
 TEST_F(RestingFeaturesTest, WhatRestsInMotionIsLeftOut) {
@@ -166,16 +237,17 @@ TEST_F(RestingFeaturesTest, WhatMovesAgainIsUsedAgain) {
 TEST_F(RestingFeaturesTest, ASceneThatMovedBeforeIsNoBody) {
   RestingFeatures resting(kCamera);
   drive(3, kStep, &resting);
-  EXPECT_TRUE(find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep)).empty());
+  EXPECT_FALSE(find(resting, frameAt(Isometry3d::Identity()), frameAt(kStep)));
 }
 
 TEST_F(RestingFeaturesTest, AllIsForgottenAfterALongLoss) {
   RestingFeatures resting(kCamera);
   const StereoFrame frame = frameAt(Isometry3d::Identity());
-  resting.add(frame, find(resting, frame, frameAt(kStep)));
-  EXPECT_EQ(numLeft(resting, frame), scene_.size());
+  ASSERT_TRUE(confirm(frame, frameAt(kStep), &resting));
+  EXPECT_EQ(numLeftOfBody(resting, frame), 0);
+  EXPECT_GT(numLeft(resting, frame), scene_.size() / 2);
   for (int k = 0; k < 90; ++k) resting.addLost(0.1);
-  EXPECT_EQ(numLeft(resting, frame), scene_.size());
+  EXPECT_EQ(numLeftOfBody(resting, frame), 0);
   for (int k = 0; k < 20; ++k) resting.addLost(0.1);
   EXPECT_EQ(numLeft(resting, frame), frame.points.size());
 }

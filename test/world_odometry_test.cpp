@@ -25,7 +25,8 @@ struct RunResult {
   std::vector<Eigen::Isometry3d> ground_truth;  // relative to frame 0
 };
 
-/// \param every every such frame of the world's path is taken. \param first frame of it.
+/// Without masks. \param every every such frame of the world's path is taken. \param first frame of
+/// it.
 RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames, std::size_t every = 1,
               std::size_t first = 0) {
   const SyntheticWorld world(options);
@@ -37,6 +38,7 @@ RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames, std:
   for (std::size_t i = 0; i < num_frames; ++i) {
     const std::size_t k = first + i * every;
     StereoImages images = world.render(k);
+    images.left_mask = images.right_mask = cv::Mat();
     if (world.needsRectification()) images = rectifier.rectify(images);
     run_result.results.push_back(odometry.process(images));
     run_result.ground_truth.push_back(T_rectified_raw * world.pose(k).T_world_camera *
@@ -236,6 +238,24 @@ INSTANTIATE_TEST_SUITE_P(Worlds, RobotsOwnBody,
                                            BodyCase{"plaster", 1}, BodyCase{"plaster", 3},
                                            BodyCase{"street", 1}, BodyCase{"street", 3}));
 
+/// In the dark a frame shows few points of the scene: the first ones may be wrong.
+TEST(RobotsOwnBody, IsNotTheSceneInTheDark) {
+  SyntheticWorldOptions options;
+  options.scene = "plaster";
+  options.seed = 2561;
+  options.bonnet = 1.0;
+  options.speed = 0.6;
+  options.exposure_ev = -0.6;
+  const RunResult driven = run(options, 30);
+  for (std::size_t k = 4; k < driven.results.size(); ++k) {
+    if (driven.results[k].state == TrackingState::kOk) {
+      EXPECT_LT(normalisedVelocityError(driven, k), 36.0) << k;
+    }
+    EXPECT_NE(driven.results[k].state, TrackingState::kLost) << k;
+  }
+  EXPECT_EQ(driven.results.back().state, TrackingState::kOk);
+}
+
 /// Cars pass before a robot that stands and sees its own bonnet.
 TEST(RobotsOwnBody, TrafficDoesNotMoveAStandingRobot) {
   SyntheticWorldOptions options;
@@ -246,6 +266,21 @@ TEST(RobotsOwnBody, TrafficDoesNotMoveAStandingRobot) {
   for (std::size_t k = 0; k < standing.results.size(); ++k) {
     const Eigen::Vector3d sway = standing.ground_truth[k].translation();
     EXPECT_LT((standing.results[k].T_odom_camera.translation() - sway).norm(), 0.005) << k;
+  }
+}
+
+/// Behind a road on which little is seen, cars have many of the points.
+TEST(RobotsOwnBody, TrafficInOpenCountryIsNotTheScene) {
+  SyntheticWorldOptions options;
+  options.seed = 5;
+  options.open_country = 1.0;
+  options.speed = 0.0;
+  options.rotation = 0.0;
+  options.moving_objects = 15;
+  const RunResult standing = run(options, 20);
+  for (std::size_t k = 1; k < standing.results.size(); ++k) {
+    EXPECT_EQ(standing.results[k].state, TrackingState::kOk) << k;
+    EXPECT_LT(standing.results[k].T_odom_camera.translation().norm(), 0.005) << k;
   }
 }
 

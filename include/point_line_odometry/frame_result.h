@@ -34,8 +34,9 @@ enum class TrackingReason {
   kSolverFailed,
   kTooFewInliers,
   kTooFast,
-  kWeakMotion,  ///< fused with the prediction, which constrains some axes better
-  kException    ///< something was thrown while the frame was processed; see FrameResult::error
+  kWeakMotion,       ///< fused with the prediction, which constrains some axes better
+  kAmbiguousMotion,  ///< none, by features that may be the robot's own body before a moving scene
+  kException         ///< something was thrown while the frame was processed; see FrameResult::error
 };
 
 /// Lower-case name, as in frames.csv.

@@ -208,7 +208,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("matching/search_radius_px", p.matching.search_radius_px, 1.0, 500.0, "px",
         "search radius around the position predicted from the velocity (delta_r)");
   visit("matching/search_radius_without_velocity_px", p.matching.search_radius_without_velocity_px,
-        1.0, 1000.0, "px", "the same while no velocity is known");
+        1.0, 1000.0, "px",
+        "the same while no velocity is known, or if nothing is found within search_radius_px");
   visit("matching/max_point_distance", p.matching.max_point_distance, 0, 256, "bits",
         "largest descriptor distance of points");
   visit("matching/max_line_distance", p.matching.max_line_distance, 0, 256, "bits",
@@ -227,7 +228,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "points with less than min_disparity_px constrain the rotation; false: dropped");
   visit("matching/wide_search", p.matching.wide_search,
         "where few matches are found near the prediction, match points over the whole image and "
-        "predict with their RANSAC consensus");
+        "predict with their RANSAC consensus; leave out the robot's own body");
 
   visit("motion/residual_images", p.motion.residual_images,
         std::vector<std::string>{"left", "both"},

@@ -121,6 +121,7 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
 void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
                     const TrackingResult& tracked, const FramePrior& prior, FrameResult* result) {
   result->reason = tracked.weak ? TrackingReason::kWeakMotion : tracked.reason;
+  if (tracked.ambiguous) result->reason = TrackingReason::kAmbiguousMotion;
   result->rms_px = tracked.motion.rms_px;
   result->point_residuals = tracked.motion.point_residuals;
   result->line_residuals = tracked.motion.line_residuals;

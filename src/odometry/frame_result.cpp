@@ -40,6 +40,8 @@ const char* toString(TrackingReason reason) {
       return "too_fast";
     case TrackingReason::kWeakMotion:
       return "weak_motion";
+    case TrackingReason::kAmbiguousMotion:
+      return "ambiguous_motion";
     case TrackingReason::kException:
       return "exception";
   }

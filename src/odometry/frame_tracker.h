@@ -59,6 +59,9 @@ struct TrackingResult {
   LandmarkMatches landmark_matches;
   /// The motion has weakly constrained axes, for which it was fused with the prediction.
   bool weak = false;
+  /// The features found may rest on the robot's own body: the covariance covers the motion of a
+  /// scene behind it, too.
+  bool ambiguous = false;
   /// `motion` is from relocalization: landmarks matched by descriptors over the whole image.
   bool relocalized = false;
   bool in_lost_map = false;     ///< relocalized in the lost map: `motion` is since its last frame

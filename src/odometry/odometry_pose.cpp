@@ -48,7 +48,7 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   } else {
     smoother_.followMeasured(integrator_, dt_s, parameters.standstill_hold);
   }
-  return tracked.weak ? TrackingState::kDegraded : TrackingState::kOk;
+  return tracked.weak || tracked.ambiguous ? TrackingState::kDegraded : TrackingState::kOk;
 }
 
 /// After a gap the pose is kept, however long a prediction may last, unless there is a prior.

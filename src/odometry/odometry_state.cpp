@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "geometry/se3.h"
 #include "map/new_landmarks.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/stage_timer.h"
@@ -41,6 +42,17 @@ std::optional<double> shareOfNew(const std::optional<LocalMap>& map) {
   return map->shareOfNew();
 }
 
+/// Makes a motion ambiguous that may as well be another one: its covariance covers both.
+void coverMotion(const Eigen::Isometry3d& T_prev_curr, TrackingResult* tracked) {
+  const Vector6d difference = poseDifference(tracked->motion.T_curr_prev.inverse(), T_prev_curr);
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(difference.head<3>().squaredNorm()),
+      Eigen::Vector3d::Constant(difference.tail<3>().squaredNorm());
+  tracked->motion.covariance.diagonal() += variances;
+  if (tracked->image_motion) tracked->image_motion->covariance.diagonal() += variances;
+  tracked->ambiguous = true;
+}
+
 }  // namespace
 
 bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters) {
@@ -72,7 +84,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
                                               parameters.motion.point_noise_px);
   }
   if (measured && parameters.matching.wide_search) {
-    resting.learn(*history.previous, curr, tracked.motion.T_curr_prev, context);
+    resting.learn(*history.previous, curr, tracked, context);
   } else if (!measured) {
     resting.addLost(dt_s);
   }
@@ -136,13 +148,16 @@ void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters
   tracking = pose.predict(curr_stamp_ns, dt_s, parameters, prior.ofStep());
 }
 
-bool OdometryState::leaveOutResting(const StereoFrame& curr, const TrackingResult& tracked,
-                                    const FrameContext& context) {
+bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext& context,
+                                    TrackingResult* tracked) {
   if (!history.previous || !context.parameters.matching.wide_search) return false;
-  const std::vector<int> points =
-      resting.findBeforeScene(*history.previous, curr, tracked, context);
-  if (points.empty()) return false;
-  resting.add(*history.previous, points);
+  const std::optional<RestingBody> body =
+      resting.findBeforeScene(*history.previous, curr, *tracked, context);
+  if (!resting.confirm(body, *history.previous, curr, context)) {
+    if (body && tracked->frame_to_frame.ok() && tracked->reason == TrackingReason::kNone)
+      coverMotion(body->T_curr_prev.inverse(), tracked);
+    return false;
+  }
   resting.leaveOut(&*history.previous);
   history.before_previous.reset();
   restartMap(context.parameters);

@@ -68,10 +68,11 @@ struct OdometryState {
                const FramePrior& prior);
 
   /// Leaves features out of the previous frame by which a camera that moves seems to be stationary,
-  /// and drops the map and the velocity, which are theirs. False if there are none. \param tracked
-  /// of the current frame, which is to be tracked again.
-  bool leaveOutResting(const StereoFrame& curr, const TrackingResult& tracked,
-                       const FrameContext& context);
+  /// and drops the map and the velocity, which are theirs; the current frame is to be tracked
+  /// again. False if there are none. If that is not certain yet, the motion becomes ambiguous.
+  /// \param tracked of the current frame.
+  bool leaveOutResting(const StereoFrame& curr, const FrameContext& context,
+                       TrackingResult* tracked);
 
   /// Restores the lost map, in which the camera was relocalized.
   void returnToLostMap();

@@ -21,19 +21,29 @@ constexpr double kRests_px = 1.0;
 constexpr double kMoves_px = 3.0;
 
 // Of the points that should move in a cell and around it, at most 2 % seem to rest where they are
-// the scene's, and at least a fifth where something rests, in the dark, too.
+// the scene's, and usually at least a fifth where something rests.
 constexpr int kFewestPoints = 6;
 constexpr double kShareResting = 0.15;
 
-// Of the features in view a stationary camera finds half to three quarters in the dark, and more
-// elsewhere: if it finds more, nothing is looked for.
-constexpr double kShareStationary = 0.75;
+// Once a body was found before a scene, it is searched to its edges. In the dark fewer of its
+// points are found again, as of the scene's: at least this share of theirs (a mean over frames).
+// Where there are too few points to tell, as many cells around are looked at.
+constexpr double kShareOfFound = 0.2;
+constexpr double kWeightOfFrame = 0.1;
+constexpr int kMostCells = 4;
 
-// Resting points that count are this share of the inliers of a motion; a scene has this number of
-// points that agree, and this share of those that move.
+// Of the features in view a stationary camera finds half to three quarters in the dark, and more
+// elsewhere; where its body is in view a moving one found up to 0.61. If more is found, nothing is
+// looked for.
+constexpr double kShareStationary = 0.65;
+
+// Resting points that count are this share of the inliers of a motion. Of a scene this share of the
+// points that move agree; they are this share of the inliers (traffic before a standing robot 0.09
+// at most, a scene more) and this number, in the dark in successive frames together.
 constexpr double kShareOfInliers = 0.2;
-constexpr double kMinScene = 20.0;
 constexpr double kShareOfMoving = 1.0 / 3.0;
+constexpr double kShareOfScene = 0.1;
+constexpr int kMinScene = 20;
 
 double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
                     const FrameContext& context) {
@@ -124,7 +134,7 @@ std::optional<MovingScene> findMovingScene(const std::vector<IndexPair>& matches
                       before.triangulated.p_camera});
   }
   const std::optional<MotionConsensus> consensus = findConsensus(moving, context.camera);
-  const double least = std::max(kMinScene, kShareOfMoving * static_cast<double>(moving.size()));
+  const double least = kShareOfMoving * static_cast<double>(moving.size());
   if (!consensus || consensus->num_inliers < least) return std::nullopt;
   MovingScene scene{consensus->T_curr_prev, {}};
   for (std::size_t i = 0; i < moving.size(); ++i) {
@@ -161,8 +171,17 @@ void RestingFeatures::leaveOut(StereoFrame* frame) const {
 }
 
 void RestingFeatures::learn(const StereoFrame& prev, const StereoFrame& curr,
-                            const Eigen::Isometry3d& T_curr_prev, const FrameContext& context) {
+                            const TrackingResult& tracked, const FrameContext& context) {
   lost_s_ = 0.0;
+  share_found_ += kWeightOfFrame * (shareFound(prev, context.camera, tracked) - share_found_);
+  countResting(prev, curr, tracked.motion.T_curr_prev, context);
+}
+
+/// Counts the points of the previous frame that a motion should have moved: those that are found
+/// where they were, and the others.
+void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& curr,
+                                   const Eigen::Isometry3d& T_curr_prev,
+                                   const FrameContext& context) {
   std::vector<const StereoPoint*> found;
   std::vector<Eigen::Vector2f> pixels;
   std::vector<Descriptor> descriptors;
@@ -192,11 +211,12 @@ void RestingFeatures::learn(const StereoFrame& prev, const StereoFrame& curr,
   }
 }
 
-std::vector<int> RestingFeatures::findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
-                                                  const TrackingResult& tracked,
-                                                  const FrameContext& context) const {
+std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& prev,
+                                                            const StereoFrame& curr,
+                                                            const TrackingResult& tracked,
+                                                            const FrameContext& context) const {
   const bool ok = tracked.frame_to_frame.ok();
-  if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return {};
+  if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return std::nullopt;
   const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
   const double least =
       std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
@@ -210,12 +230,14 @@ std::vector<int> RestingFeatures::findBeforeScene(const StereoFrame& prev, const
     return resting;
   };
   std::vector<int> resting = restingOf(inliers);
-  if (ok && static_cast<double>(resting.size()) < least) return {};
+  if (ok && static_cast<double>(resting.size()) < least) return std::nullopt;
   const std::vector<IndexPair> others =
       matchOthers(prev, curr, inliers, context.parameters.matching);
   if (!ok) resting = restingOf(others);
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
-  if (!scene) return {};
+  if (!scene) return std::nullopt;
+  const auto num_scene = static_cast<int>(scene->depths.size());
+  if (num_scene < kShareOfScene * static_cast<double>(inliers.size())) return std::nullopt;
 
   // What the motion does not move is part of the scene, too.
   resting.erase(std::remove_if(resting.begin(), resting.end(),
@@ -227,20 +249,34 @@ std::vector<int> RestingFeatures::findBeforeScene(const StereoFrame& prev, const
   std::vector<double> depths;
   for (const int i : resting) depths.push_back(prev.points[i].triangulated.p_camera.z());
   const bool enough = static_cast<double>(resting.size()) >= least;
-  return enough && isNearer(depths, scene->depths) ? resting : std::vector<int>();
+  if (!enough || !isNearer(depths, scene->depths)) return std::nullopt;
+  return RestingBody{std::move(resting), scene->T_curr_prev, num_scene};
 }
 
-void RestingFeatures::add(const StereoFrame& frame, const std::vector<int>& points) {
-  for (const int i : points) {
-    for (int k = 0; k < kFewestPoints; ++k)
-      count(true, &cells_.at(leftPixel(frame, frame.points[i])));
+bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
+                              const StereoFrame& curr, const FrameContext& context) {
+  if (!body) {
+    num_scene_ /= 2;
+    return false;
   }
+  num_scene_ += body->num_scene;
+  if (num_scene_ < kMinScene) return false;
+  num_scene_ = 0;
+  has_body_ = true;
+  for (const int i : body->points) {
+    for (int k = 0; k < kFewestPoints; ++k)
+      count(true, &cells_.at(leftPixel(prev, prev.points[i])));
+  }
+  countResting(prev, curr, body->T_curr_prev, context);
+  return true;
 }
 
 void RestingFeatures::addLost(double dt_s) {
   constexpr double kForgotten_s = 10.0;
   lost_s_ += dt_s;
-  if (lost_s_ > kForgotten_s) cells_.fill(Counts());
+  if (lost_s_ <= kForgotten_s) return;
+  cells_.fill(Counts());
+  has_body_ = false;
 }
 
 void RestingFeatures::count(bool rests, Counts* counts) {
@@ -251,12 +287,12 @@ void RestingFeatures::count(bool rests, Counts* counts) {
   counts->moved /= 2;
 }
 
-/// Of the cell of a pixel and its neighbours.
-RestingFeatures::Sums RestingFeatures::around(const Eigen::Vector2f& pixel) const {
+/// Of the cell of a pixel and the next `cells` in each direction.
+RestingFeatures::Sums RestingFeatures::around(const Eigen::Vector2f& pixel, int cells) const {
   Sums sums;
-  for (const int dy : {-kCellSize_px, 0, kCellSize_px}) {
-    for (const int dx : {-kCellSize_px, 0, kCellSize_px}) {
-      const Eigen::Vector2f p = pixel + Eigen::Vector2i(dx, dy).cast<float>();
+  for (int y = -cells; y <= cells; ++y) {
+    for (int x = -cells; x <= cells; ++x) {
+      const Eigen::Vector2f p = pixel + (kCellSize_px * Eigen::Vector2i(x, y)).cast<float>();
       if (p.minCoeff() < 0.0F || (last_px_ - p).minCoeff() < 0.0F) continue;
       sums.rested += cells_.at(p).rested;
       sums.moved += cells_.at(p).moved;
@@ -266,8 +302,15 @@ RestingFeatures::Sums RestingFeatures::around(const Eigen::Vector2f& pixel) cons
 }
 
 bool RestingFeatures::rests(const Eigen::Vector2f& pixel) const {
-  const auto [rested, moved] = around(pixel);
-  return rested >= kFewestPoints && rested > kShareResting * (rested + moved);
+  const double least =
+      has_body_ ? std::min(kShareResting, kShareOfFound * share_found_) : kShareResting;
+  const int most_cells = has_body_ ? kMostCells : 1;
+  Sums sums;
+  for (int cells = 1; cells <= most_cells; ++cells) {
+    sums = around(pixel, cells);
+    if (std::max<double>(sums.rested, least * (sums.rested + sums.moved)) >= kFewestPoints) break;
+  }
+  return sums.rested >= kFewestPoints && sums.rested > least * (sums.rested + sums.moved);
 }
 
 /// Whether half of a segment or more lies where features rest.
@@ -284,7 +327,7 @@ bool RestingFeatures::rests(const LineSegment& segment) const {
 
 /// False where the scene was seen to move: it does not rest but with the camera.
 bool RestingFeatures::mayRest(const Eigen::Vector2f& pixel) const {
-  return around(pixel).moved < kFewestPoints || rests(pixel);
+  return around(pixel, 1).moved < kFewestPoints || rests(pixel);
 }
 
 }  // namespace point_line_odometry

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <optional>
 #include <tuple>
 #include <vector>
 
@@ -12,6 +13,13 @@
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {
+
+/// A part of the image that rests before a scene that moves.
+struct RestingBody {
+  std::vector<int> points;  ///< that rest, of the previous frame
+  Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();  ///< by the scene's points
+  int num_scene = 0;  ///< points of the scene that agree on it
+};
 
 /// Where features rest in the left image while the scene moves through it: on the robot's own body
 /// (bonnet, arm, antenna), on dirt of the lens. They agree that the camera is stationary, and there
@@ -26,28 +34,31 @@ class RestingFeatures {
   /// the lines there.
   void leaveOut(StereoFrame* frame) const;
 
-  /// Counts the points of the previous frame that a motion should have moved: those that are found
-  /// where they were, and the others.
-  void learn(const StereoFrame& prev, const StereoFrame& curr, const Eigen::Isometry3d& T_curr_prev,
+  /// After a frame with a motion: learns from the points of the previous frame that should have
+  /// moved.
+  void learn(const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
              const FrameContext& context);
 
-  /// The points of the previous frame by which a camera that moves seems to be stationary: they
-  /// rest and lie before a scene that agrees on another motion. Looked for only if tracking failed,
-  /// or found the camera stationary and much of the scene not; else, and if there are none, empty.
-  std::vector<int> findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
-                                   const TrackingResult& tracked,
-                                   const FrameContext& context) const;
+  /// Points by which a camera that moves seems to be stationary: they rest and lie before a scene
+  /// that agrees on another motion. Looked for only if tracking failed, or found the camera
+  /// stationary and much of the scene not; else, and if there are none, nothing.
+  std::optional<RestingBody> findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
+                                             const TrackingResult& tracked,
+                                             const FrameContext& context) const;
 
-  /// Features are taken to rest where these points of a frame are, until motions tell otherwise.
-  void add(const StereoFrame& frame, const std::vector<int>& points);
+  /// Counts what was found in a frame, or that nothing was. Once enough points of the scene agree,
+  /// in this frame and those before, features are taken to rest where the body's are, until motions
+  /// tell otherwise. \return whether this is so now.
+  bool confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
+               const StereoFrame& curr, const FrameContext& context);
 
   /// After a frame without a motion, `dt_s` after the one before. Where this lasts, what rests may
   /// be the scene: all is forgotten.
   void addLost(double dt_s);
 
   auto state() {
-    auto& [last_px, cells, lost_s] = *this;
-    return std::tie(last_px, cells, lost_s);
+    auto& [last_px, cells, num_scene, has_body, share_found, lost_s] = *this;
+    return std::tie(last_px, cells, num_scene, has_body, share_found, lost_s);
   }
 
  private:
@@ -70,13 +81,18 @@ class RestingFeatures {
   static constexpr int kCellSize_px = 16;
 
   static void count(bool rests, Counts* counts);
-  Sums around(const Eigen::Vector2f& pixel) const;
+  void countResting(const StereoFrame& prev, const StereoFrame& curr,
+                    const Eigen::Isometry3d& T_curr_prev, const FrameContext& context);
+  Sums around(const Eigen::Vector2f& pixel, int cells) const;
   bool rests(const Eigen::Vector2f& pixel) const;
   bool rests(const LineSegment& segment) const;
   bool mayRest(const Eigen::Vector2f& pixel) const;
 
   Eigen::Vector2f last_px_;  // of the image
   CellGrid<Counts> cells_;
+  int num_scene_ = 0;         // points of a scene behind a body, of frames one after the other
+  bool has_body_ = false;     // one was found before a scene
+  double share_found_ = 0.5;  // of the features in view, in the frames before
   double lost_s_ = 0.0;
 };
 

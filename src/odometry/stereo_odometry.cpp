@@ -119,7 +119,7 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
   const double dt_s = state.stamp_ns ? toSeconds(frame.stamp_ns - *state.stamp_ns) : 0.0;
   TrackingResult tracking =
       trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
-  if (state.leaveOutResting(frame, tracking, context)) {
+  if (state.leaveOutResting(frame, context, &tracking)) {
     state.resting.leaveOut(&frame);
     tracking = trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
   }
