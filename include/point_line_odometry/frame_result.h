@@ -35,7 +35,7 @@ enum class TrackingReason {
   kTooFewInliers,
   kTooFast,
   kWeakMotion,       ///< fused with the prediction, which constrains some axes better
-  kAmbiguousMotion,  ///< none, by features that may be the robot's own body before a moving scene
+  kAmbiguousMotion,  ///< the features found may be the robot's own body before a moving scene
   kException         ///< something was thrown while the frame was processed; see FrameResult::error
 };
 

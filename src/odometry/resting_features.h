@@ -17,7 +17,7 @@ namespace point_line_odometry {
 /// A part of the image that rests before a scene that moves.
 struct RestingBody {
   std::vector<int> points;  ///< that rest, of the previous frame
-  Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();  ///< by the scene's points
+  Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();  ///< of the camera, by the scene
   int num_scene = 0;  ///< points of the scene that agree on it
 };
 
