@@ -255,5 +255,20 @@ TEST(Gyroscope, ASampleFromTheFarFutureEndsNoInterval) {
   EXPECT_TRUE(gyroscope.between(stampOf(0), stampOf(1)));
 }
 
+/// For as long as fills the buffer: the samples of the right clock, which come after, are kept.
+TEST(Gyroscope, AClockThatWasAheadSilencesNothing) {
+  Gyroscope gyroscope(ImuParameters(), Matrix3d::Identity());
+  FrameResult result;
+  result.stamp_ns = stampOf(0);
+  gyroscope.update(result);
+  for (std::int64_t i = 0; i < 25000; ++i) {
+    ImuSample ahead;
+    ahead.stamp_ns = stampOf(0) + 200000000000 + i * 5000000;
+    gyroscope.add(ahead);
+  }
+  for (const ImuSample& sample : samplesUntil(seconds(2 * kFrame), {})) gyroscope.add(sample);
+  EXPECT_TRUE(gyroscope.between(stampOf(0), stampOf(1)));
+}
+
 }  // namespace
 }  // namespace point_line_odometry

@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "geometry/se3.h"
@@ -144,6 +145,92 @@ TEST(MotionPriors, CarryThePoseWithoutImages) {
   shorter.tracking.max_prior_prediction_s = 0.6;
   EXPECT_EQ(run([](int k) { return trueRotation(k, 1e-4); }, dark, shorter)[19].state,
             TrackingState::kLost);
+}
+
+/// From the very first frame in the dark: no velocity is known. A gyroscope alone knows no
+/// translation.
+TEST(MotionPriors, CarryThePoseBeforeAnyVelocityIfTheyKnowTheTranslation) {
+  const Dark dark{0, 12};
+  const auto wheels = [](int k) {
+    MotionPrior prior = trueRotation(k, 1e-3);
+    prior.T_prev_curr = truePose(k - 1).inverse() * truePose(k);
+    prior.information(0, 0) = prior.information(2, 2) = 1e6;
+    return prior;
+  };
+  const std::vector<FrameResult> by_wheels = run(wheels, dark);
+  const std::vector<FrameResult> by_gyroscope =
+      run([](int k) { return trueRotation(k, 1e-4); }, dark);
+  for (int k = 1; k < 12; ++k) {
+    EXPECT_EQ(by_wheels[k].prior.use, PriorUse::kCarried) << k;
+    EXPECT_EQ(by_wheels[k].state, TrackingState::kDegraded) << k;
+    EXPECT_EQ(by_gyroscope[k].prior.use, PriorUse::kNone) << k;
+    EXPECT_EQ(by_gyroscope[k].state, TrackingState::kLost) << k;
+    EXPECT_EQ(by_gyroscope[k].T_odom_camera.matrix(), by_gyroscope[0].T_odom_camera.matrix());
+  }
+  const double travelled_m = (truePose(11).translation() - truePose(0).translation()).norm();
+  EXPECT_LT((by_wheels[11].T_odom_camera.translation() - truePose(11).translation()).norm(),
+            0.1 * travelled_m);
+}
+
+/// A gyroscope or a flat floor does not tell how far the camera went meanwhile.
+TEST(MotionPriors, OnlyTheTranslationCarriesThePoseAcrossAGap) {
+  const auto across = [](const std::function<void(MotionPrior*)>& change) {
+    StereoOdometry odometry(synthetic::roomCamera(), {});
+    for (int k = 0; k < 6; ++k) odometry.process(images(k, {}));
+    StereoImages later = synthetic::black(stampOf(5) + 50 * kPeriodNs);
+    MotionPrior prior;
+    prior.from_ns = stampOf(5);
+    prior.to_ns = later.stamp_ns;
+    change(&prior);
+    const FrameResult before = odometry.process(images(5, {}));  // refused: the pose as it is
+    const FrameResult result = odometry.process(later, &prior);
+    const Eigen::Isometry3d step = before.T_odom_camera.inverse() * result.T_odom_camera;
+    return std::make_pair(result, step.translation().norm());
+  };
+  const auto [by_gyroscope, turned_m] =
+      across([](MotionPrior* p) { p->information.diagonal().tail<3>().setConstant(1e6); });
+  EXPECT_EQ(by_gyroscope.state, TrackingState::kLost);
+  EXPECT_LT(turned_m, 0.01);
+  const auto [by_floor, floor_m] =
+      across([](MotionPrior* p) { p->information.diagonal() << 0.0, 1e6, 0.0, 1e6, 0.0, 1e6; });
+  EXPECT_EQ(by_floor.state, TrackingState::kLost);
+  EXPECT_LT(floor_m, 0.01);
+  const auto [by_wheels, rolled_m] = across([](MotionPrior* p) {
+    p->T_prev_curr.translation().z() = 3.0;
+    p->information.diagonal().setConstant(1e6);
+  });
+  EXPECT_EQ(by_wheels.state, TrackingState::kDegraded);
+  EXPECT_NEAR(rolled_m, 3.0, 0.05);
+}
+
+/// A camera that stands and is then carried through the dark by wheels: the pose is not kept.
+TEST(MotionPriors, EndAStandstillInTheDark) {
+  constexpr double kStep_m = 0.1;
+  StereoOdometry odometry(synthetic::roomCamera(), {});
+  int k = 0;
+  FrameResult rest;
+  for (; k < 12; ++k) {
+    StereoImages still = synthetic::drive(0);
+    still.stamp_ns = stampOf(k);
+    rest = odometry.process(still);
+  }
+  ASSERT_TRUE(rest.twist.isZero(0.0)) << "stands";
+  const auto inTheDark = [&](double step_m) {
+    MotionPrior prior;
+    prior.from_ns = stampOf(k - 1);
+    prior.to_ns = stampOf(k);
+    prior.T_prev_curr.translation().z() = step_m;
+    prior.information.diagonal().setConstant(1.0 / (0.005 * 0.005));
+    return odometry.process(synthetic::black(stampOf(k++)), &prior);
+  };
+  FrameResult result;
+  for (int i = 0; i < 5; ++i) result = inTheDark(0.0);
+  EXPECT_EQ(result.T_odom_camera.matrix(), rest.T_odom_camera.matrix()) << "wheels at rest";
+  for (int i = 0; i < 20; ++i) result = inTheDark(kStep_m);
+  EXPECT_EQ(result.state, TrackingState::kDegraded);
+  EXPECT_NEAR(result.twist[2], 10.0 * kStep_m, 0.05);
+  const Isometry3d moved = rest.T_odom_camera.inverse() * result.T_odom_camera;
+  EXPECT_NEAR(moved.translation().z(), 20.0 * kStep_m, 0.1);
 }
 
 TEST(MotionPriors, AreInTheSavedState) {

@@ -57,5 +57,20 @@ TEST_F(AfterALoss, ACameraThatStandsIsHeld) {
   EXPECT_NEAR(pose_.T_odom_camera().translation().norm(), 0.0, 0.01);
 }
 
+/// Variances of the pose are ten orders above those of a motion then.
+TEST_F(AfterALoss, ACameraThatStandsIsHeldAfterMinutes) {
+  for (int k = 0; k < 1800; ++k) {
+    estimate_.addPrediction(0.1, 0.5);
+    pose_.followUnknown(estimate_, Vector6d::Zero(), 0.1);
+  }
+  estimate_.advance();
+  int held = 0;
+  for (int k = 0; k < 200; ++k) {
+    follow(stepForward(k % 2 == 0 ? 3e-4 : -3e-4, 3e-4, 3e-5));
+    held += pose_.holds() ? 1 : 0;
+  }
+  EXPECT_GT(held, 190);
+}
+
 }  // namespace
 }  // namespace point_line_odometry

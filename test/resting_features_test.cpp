@@ -91,7 +91,14 @@ class RestingFeaturesTest : public ::testing::Test {
   }
 
   /// Whether what is found of a body before a scene is enough.
-  bool confirm(const StereoFrame& prev, const StereoFrame& curr, RestingFeatures* resting) const {
+  /// Each time as of a new frame.
+  bool confirm(const StereoFrame& prev, StereoFrame curr, RestingFeatures* resting) {
+    curr.stamp_ns = ++stamp_ns_;
+    return confirmAgain(prev, curr, resting);
+  }
+
+  bool confirmAgain(const StereoFrame& prev, const StereoFrame& curr,
+                    RestingFeatures* resting) const {
     return resting->confirm(find(*resting, prev, curr), prev, curr, context_);
   }
 
@@ -129,6 +136,7 @@ class RestingFeaturesTest : public ::testing::Test {
   const Isometry3d kStep = synthetic::transform({0.0, 0.02, 0.0}, {0.05, 0.0, -0.2});
   const StereoImages images_{cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0)),
                              cv::Mat(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0)), 0};
+  std::int64_t stamp_ns_ = 0;
   const StereoCorrection correction_;
   const Parameters parameters_;
   const FrameContext context_{images_, kCamera, correction_, parameters_};
@@ -158,6 +166,12 @@ TEST_F(RestingFeaturesTest, FewPointsOfTheSceneAreEnoughInFramesOneAfterTheOther
   EXPECT_FALSE(confirm(prev, curr, &interrupted));
   for (int k = 0; k < 3; ++k) EXPECT_FALSE(confirm(prev, prev, &interrupted));
   EXPECT_FALSE(confirm(prev, curr, &interrupted));
+
+  RestingFeatures tracked_twice(kCamera);
+  EXPECT_FALSE(confirm(prev, curr, &tracked_twice));
+  StereoFrame same = curr;
+  same.stamp_ns = stamp_ns_;
+  EXPECT_FALSE(confirmAgain(prev, same, &tracked_twice)) << "no further evidence";
 }
 
 /// In the dark, most points of a body are noise that is not found again.

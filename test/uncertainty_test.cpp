@@ -707,9 +707,8 @@ TEST(PoseIntegrator, ErrorsOfAPredictionAddUp) {
     MotionStep step;
     step.T_measured = step.T_previous_camera = synthetic::transform({0, 0, 0}, {0, 0, 1.0});
     step.covariance = 1e-8 * Matrix6d::Identity();
-    const std::int64_t second = 1000000000;
     pose.addMeasurement(step, 0.1, 0);
-    for (int i = 1; i <= steps; ++i) pose.addPrediction(1.0 / steps, i * second / steps, 0.0);
+    for (int i = 1; i <= steps; ++i) pose.addPrediction(1.0 / steps, 0.0);
     return std::sqrt(pose.covariance()(2, 2));
   };
   EXPECT_GT(sigma(1), 10.0);  // it may have continued at 10 m/s

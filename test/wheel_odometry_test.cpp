@@ -271,6 +271,17 @@ TEST(WheelOdometry, DropsOldSamplesAndIsBounded) {
   EXPECT_EQ(wheels.faults().late, 1U);
 }
 
+/// For as long as fills the buffer: the samples of the right clock, which come after, are kept.
+TEST(WheelOdometry, AClockThatWasAheadSilencesNothing) {
+  WheelOdometry wheels(wheelParameters(), cameraInBody());
+  wheels.update(seen(kSecond, 2 * kSecond, Isometry3d::Identity()));
+  for (std::int64_t i = 0; i < 25000; ++i) wheels.add(sampleAt(200 * kSecond + i * 5000000));
+  for (const OdometrySample& sample : samplesUntil(5 * kSecond)) wheels.add(sample);
+  const auto prior = wheels.between(3 * kSecond, 3 * kSecond + kFrame);
+  ASSERT_TRUE(prior);
+  expectMotion(*prior, cameraMotion(3 * kSecond, 3 * kSecond + kFrame), 2e-4, 2e-4);
+}
+
 TEST(PlanarPrior, KnowsThreeAxesOfTheBody) {
   PlanarParameters parameters;
   parameters.z_deviation = 0.1;
@@ -328,6 +339,27 @@ MotionPrior knows(const Isometry3d& motion, const Vector6d& deviations) {
   for (int i = 0; i < 6; ++i)
     prior.information(i, i) = deviations[i] > 0.0 ? std::pow(deviations[i], -2) : 0.0;
   return prior;
+}
+
+/// By itself: thresholds and rough ground say nothing of the wheels.
+TEST(PlanarFloor, IsSuspendedWhileTheImagesDisagree) {
+  PlanarFloor floor(PlanarParameters(), cameraInBody());
+  std::int64_t ns = 2 * kSecond;
+  const auto drive = [&](int frames, double roll) {
+    for (int i = 0; i < frames; ++i, ns += kFrame) {
+      const Isometry3d of_body = transform({i % 2 == 0 ? roll : -roll, 0.0, 0.0}, {0.2, 0.0, 0.0});
+      floor.update(seen(ns, ns + kFrame, cameraInBody().inverse() * of_body * cameraInBody()));
+    }
+  };
+  drive(10, 0.0);
+  EXPECT_TRUE(floor.between(ns, ns + kFrame));
+  drive(2, 0.2);
+  EXPECT_TRUE(floor.isTrusted()) << "one threshold";
+  drive(10, 0.2);
+  EXPECT_FALSE(floor.isTrusted());
+  EXPECT_FALSE(floor.between(ns, ns + kFrame));
+  drive(20, 0.0);
+  EXPECT_TRUE(floor.between(ns, ns + kFrame));
 }
 
 TEST(FusedPrior, OfOneIsThatOne) {

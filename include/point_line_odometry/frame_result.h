@@ -15,9 +15,9 @@ namespace point_line_odometry {
 
 /// How far the pose can be trusted.
 enum class TrackingState {
-  kInitializing,  ///< the first frame: pose known by definition, no motion yet
+  kInitializing,  ///< the very first frame: pose known by definition, no motion yet
   kOk,            ///< motion estimated from the images
-  kDegraded,      ///< motion, or some of its axes, predicted from the velocity
+  kDegraded,      ///< motion, or some of its axes, predicted from the velocity or a prior
   kLost           ///< no estimate for longer than the prediction may last: the pose is kept
 };
 

@@ -18,7 +18,7 @@ struct MotionPrior {
   Eigen::Isometry3d T_prev_curr = Eigen::Isometry3d::Identity();
   /// Inverse covariance of T_prev_curr, along and about the axes of the camera at `from_ns` [1/m^2,
   /// 1/rad^2]; zero along and about axes of which nothing is known. An error is independent of
-  /// those of other priors.
+  /// those of other sources; successive priors of one may have the same.
   Matrix6d information = Matrix6d::Zero();
 };
 
@@ -32,7 +32,7 @@ std::optional<MotionPrior> fused(const std::vector<MotionPrior>& priors);
 
 /// What became of a frame's prior.
 enum class PriorUse {
-  kNone,       ///< there was none
+  kNone,       ///< there was none, or the pose is kept
   kUsed,       ///< in the prediction and, as a relative-pose factor, in the estimate
   kCarried,    ///< the frame has no motion by its images: the pose follows the prior
   kRejected,   ///< it disagrees with the images: the frame was estimated without it

@@ -280,12 +280,15 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "search radius around the projection of a landmark that was missed in the last frame");
 
   visit("tracking/max_frame_gap_s", p.tracking.max_frame_gap_s, 0.01, 60.0, "s",
-        "after a longer gap the pose is kept, unless the camera is relocalized in the map");
+        "after a longer gap the pose is kept, unless wheels tell the motion or the camera is "
+        "relocalized in the map");
   visit("tracking/max_prediction_s", p.tracking.max_prediction_s, 0.0, 60.0, "s",
         "how long the motion is predicted from the velocity before the state is LOST");
-  visit("tracking/max_prior_prediction_s", p.tracking.max_prior_prediction_s, 0.0, 600.0, "s",
-        "the same for frames with a motion prior, e.g. by a gyroscope; axes that it does not know "
-        "follow the velocity");
+  visit(
+      "tracking/max_prior_prediction_s", p.tracking.max_prior_prediction_s, 0.0, 600.0, "s",
+      "the same for frames with a motion prior that knows the rotation or the translation (after a "
+      "gap in the frames: the translation); axes that it does not know "
+      "follow the velocity");
   visit("tracking/relocalization_s", p.tracking.relocalization_s, 0.0, 3600.0, "s",
         "how long relocalization tries a map in which tracking was lost, once a new map was "
         "started; 0: only until then");

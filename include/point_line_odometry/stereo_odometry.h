@@ -32,18 +32,26 @@ class StereoOdometry {
   FrameResult process(const StereoImages& images, const MotionPrior* prior = nullptr);
 
   /// Turns the pose of the last frame, and the map with it, about the camera; the published pose
-  /// follows gradually. Returns false, and changes nothing, if a number cannot be used.
+  /// follows gradually, once a stationary camera moves. Returns false, and changes nothing, if a
+  /// number cannot be used.
   bool correctTilt(const TiltCorrection& correction);
 
   /// Discards all state; the next frame is the first one, and has this pose.
   void reset(const Eigen::Isometry3d& T_odom_camera = Eigen::Isometry3d::Identity());
 
-  /// Takes another calibration: tracking and map start again, pose and covariance are kept.
+  /// Tracking and map start again at this pose of the next frame, which may have any stamp: where a
+  /// clock was set back, or the camera was moved on its robot. Other than by reset() what has been
+  /// learnt of the images is kept, and so is the covariance; it grows by the motion between two
+  /// frames, which is missing.
+  void continueAt(const Eigen::Isometry3d& T_odom_camera);
+
+  /// Takes another calibration: tracking and map start again. The pose goes on as in a frame
+  /// without a motion.
   void setCamera(const StereoCamera& camera);
 
   /// Takes other parameters from the next frame on; tracking continues, landmarks are kept unless
   /// `window` or `local_map` changes. With another size of images (`tracking/max_megapixels`) or
-  /// another `points/descriptor` tracking and map start again: the pose is kept. Throws like the
+  /// another `points/descriptor` tracking and map start again, as by setCamera(). Throws like the
   /// constructor, and changes nothing then.
   void setParameters(const Parameters& parameters);
 

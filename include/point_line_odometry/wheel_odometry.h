@@ -90,4 +90,30 @@ class WheelOdometry {
 MotionPrior planarPrior(const PlanarParameters& parameters, const Eigen::Isometry3d& T_body_camera,
                         std::int64_t from_ns, std::int64_t to_ns);
 
+/// The flat floor as a source of motion priors, compared with the images and suspended by itself,
+/// as wheels are: on thresholds and ramps the other sources are still used.
+class PlanarFloor {
+ public:
+  /// \param T_body_camera pose of the rectified left camera in the body that is on the floor.
+  PlanarFloor(const PlanarParameters& parameters, const Eigen::Isometry3d& T_body_camera)
+      : parameters_(parameters), T_body_camera_(T_body_camera) {}
+
+  /// planarPrior(); nothing while it is not trusted.
+  std::optional<MotionPrior> between(std::int64_t from_ns, std::int64_t to_ns) const;
+
+  /// Compares it with the motion which the images of a frame gave.
+  void update(const FrameResult& result);
+
+  /// False while it is suspended, since too many motions disagree with it.
+  bool isTrusted() const;
+
+  /// Takes other parameters.
+  void setParameters(const PlanarParameters& parameters) { parameters_ = parameters; }
+
+ private:
+  PlanarParameters parameters_;
+  Eigen::Isometry3d T_body_camera_;
+  double rejected_share_ = 0.0;  // of the latest motions
+};
+
 }  // namespace point_line_odometry

@@ -61,8 +61,8 @@ void Gravity::restart() {
 }
 
 void Gravity::update(const FrameResult& result, const Gyroscope& gyroscope) {
-  correction_.reset();  // of an earlier pose
   if (!result.accepted()) return;
+  correction_.reset();  // of an earlier pose
   addFrame(result, gyroscope);
   if (window_.size() < 3) return;
   const std::int64_t end_ns = window_.back().stamp_ns;

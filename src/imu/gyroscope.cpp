@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/bounded_samples.h"
 #include "geometry/se3.h"
 
 namespace point_line_odometry {
@@ -108,7 +109,7 @@ void Gyroscope::add(const ImuSample& sample) {
   } else {
     samples_.insert(after, sample);
   }
-  if (samples_.size() > kMaxSamples) samples_.pop_front();
+  boundSamples(kMaxSamples, updated_ns_, &samples_);
 }
 
 bool Gyroscope::isSaturated(const ImuSample& sample) const {

@@ -39,7 +39,8 @@ std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t inde
            pixel.y() < camera.height - kMargin;
   };
   if (!inside(left) || !inside(right)) return std::nullopt;
-  const int octave = std::min(point.octave, static_cast<int>(context.left.levels.size()) - 1);
+  const int octave = point.octave;
+  if (octave >= static_cast<int>(context.left.levels.size())) return std::nullopt;
   if (!context.masks.left.allowsPatch(context.left.toLevel(left.cast<float>(), octave), octave) ||
       !context.masks.right.allowsPatch(context.right.toLevel(right.cast<float>(), octave), octave))
     return std::nullopt;

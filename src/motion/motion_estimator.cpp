@@ -100,17 +100,15 @@ bool nearAreEnough(const MotionProblem<kImages>& problem, const Eigen::Isometry3
 /// points are shifted is the one that is estimated.
 template <ResidualImages kImages>
 typename MotionProblem<kImages>::SolveResult settleFarPoints(
-    typename MotionProblem<kImages>::SolveResult solved, const Eigen::Isometry3d& linearized_at,
-    double baseline_m, MotionProblem<kImages>* problem) {
-  Eigen::Vector3d shift_of = linearized_at.translation();
+    typename MotionProblem<kImages>::SolveResult solved, double baseline_m,
+    MotionProblem<kImages>* problem) {
   const MatchCounts inliers = countMatches(*problem);
   if (inliers.near == 0 || inliers.near == inliers.all) return solved;
   for (int round = 0; round < kMaxRounds && solved.usable; ++round) {
     const Eigen::Vector3d& translation = solved.T_curr_prev.translation();
     const double most_px = round == 0 ? kWrongShiftPx : kSettledShiftPx;
     // What has a disparity of a pixel moves by a pixel with a baseline.
-    if ((translation - shift_of).norm() <= most_px * baseline_m) break;
-    shift_of = translation;
+    if ((translation - problem->translationOfFar()).norm() <= most_px * baseline_m) break;
     problem->selectAll();
     problem->relinearize(solved.T_curr_prev);
     problem->selectInliers(solved.T_curr_prev);
@@ -191,9 +189,9 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   if (!again) return finished(*problem, first.T_curr_prev, first.iterations);
   const double baseline_m = problem->camera().baseline_m;
   const auto with_all = settleFarPoints(problem->solve(first.T_curr_prev, {false, kFineTolerance}),
-                                        first.T_curr_prev, baseline_m, problem);
-  const auto second = settleFarPoints(checkLeverage(with_all, parameters, problem),
-                                      with_all.T_curr_prev, baseline_m, problem);
+                                        baseline_m, problem);
+  const auto second =
+      settleFarPoints(checkLeverage(with_all, parameters, problem), baseline_m, problem);
   const int iterations = first.iterations + second.iterations;
   if (!second.usable) return failed(MotionStatus::kSolverFailed, *problem, iterations);
   if (has_both && !nearAreEnough(*problem, second.T_curr_prev, matches, parameters))

@@ -71,6 +71,9 @@ class MotionProblem {
     lines_.selectInliers(T_curr_prev, parameters_.outlier_threshold);
   }
 
+  /// The translation by which far points are shifted: that of the last linearization.
+  const Eigen::Vector3d& translationOfFar() const { return points_.translationOfFar(); }
+
   /// Activates all matches that have a square-root information.
   void selectAll() {
     points_.selectAll();

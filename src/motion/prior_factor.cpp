@@ -40,6 +40,18 @@ Matrix6d boundedCovariance(const Matrix6d& information) {
 
 }  // namespace
 
+bool knowsTranslation(const MotionPrior& prior) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(
+      prior.information.topLeftCorner<3, 3>(), Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues()[1] > 1.0 / (kKnown_m * kKnown_m);
+}
+
+bool knowsRotation(const MotionPrior& prior) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(
+      prior.information.bottomRightCorner<3, 3>(), Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues()[0] > 1.0 / (kKnown_rad * kKnown_rad);
+}
+
 bool isUsable(const MotionPrior& prior) {
   const Eigen::Matrix3d R = prior.T_prev_curr.linear();
   const Matrix6d& information = prior.information;
@@ -57,9 +69,14 @@ MotionPrior composed(const MotionPrior& first, const MotionPrior& second) {
   both.from_ns = first.from_ns;
   both.to_ns = second.to_ns;
   both.T_prev_curr = first.T_prev_curr * second.T_prev_curr;
-  const Matrix6d covariance =
-      composeCovariance(first.T_prev_curr, boundedCovariance(first.information), second.T_prev_curr,
-                        boundedCovariance(second.information));
+  const auto composedCovariance = [&](const Matrix6d& of_first, const Matrix6d& of_second) {
+    return composeCovariance(first.T_prev_curr, of_first, second.T_prev_curr, of_second);
+  };
+  const Matrix6d none = Matrix6d::Zero();
+  const Matrix6d by_first = composedCovariance(boundedCovariance(first.information), none);
+  const Matrix6d by_second = composedCovariance(none, boundedCovariance(second.information));
+  const double ratio = std::sqrt(by_first.llt().solve(by_second).trace() / 6.0);
+  const Matrix6d covariance = (1.0 + ratio) * by_first + (1.0 + 1.0 / ratio) * by_second;
   const Matrix6d inverse = covariance.llt().solve(Matrix6d::Identity());
   both.information = 0.5 * (inverse + inverse.transpose());
   return both;

@@ -8,11 +8,20 @@
 
 namespace point_line_odometry {
 
+/// Whether a prior knows the translation to 10 m, along two axes at least: wheels need not measure
+/// their z, and a flat floor determines only that.
+bool knowsTranslation(const MotionPrior& prior);
+
+/// Whether a prior knows the rotation about all axes, to one radian.
+bool knowsRotation(const MotionPrior& prior);
+
 /// Whether the numbers of a prior can be used: finite, a rotation, a symmetric information matrix
 /// without negative eigenvalues.
 bool isUsable(const MotionPrior& prior);
 
-/// The prior of two motions in a row. What one of them does not know is known of neither.
+/// The prior of two motions in a row. What one of them does not know is known of neither. How far
+/// their errors are the same ones, as by a gyroscope's bias or a wheel's radius, is unknown: the
+/// covariance is a bound of all cases (n equal motions: n^2 times that of one).
 MotionPrior composed(const MotionPrior& first, const MotionPrior& second);
 
 /// Covariance of an estimate that is fused with independent information, from its own.

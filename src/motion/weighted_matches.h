@@ -83,6 +83,9 @@ class WeightedMatches {
     }
   }
 
+  /// The translation by which far points are shifted.
+  const Eigen::Vector3d& translationOfFar() const { return translation_of_far_; }
+
   /// Activates the matches whose whitened residual has |r| <= limit * sqrt(kRows), and no others.
   void selectInliers(const Eigen::Isometry3d& T_curr_prev, double limit) {
     for (std::size_t i = 0; i < matches_.size(); ++i) {

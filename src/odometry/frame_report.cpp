@@ -92,17 +92,6 @@ void observeFeatures(const StereoFrame& curr, const StereoCamera& camera,
   }
 }
 
-/// A prior of a frame without a motion carries the pose; relocalization uses none.
-PriorReport reportPrior(const TrackingResult& tracked, const FramePrior& prior) {
-  PriorReport report = tracked.prior;
-  if (tracked.relocalized) return report;
-  const bool measured = tracked.reason == TrackingReason::kNone;
-  if (report.use == PriorUse::kNone || (report.use == PriorUse::kUsed && !measured))
-    report.use = prior.use;
-  if (report.use == PriorUse::kUsed && !measured) report.use = PriorUse::kCarried;
-  return report;
-}
-
 }  // namespace
 
 TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
@@ -119,16 +108,28 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
 }
 
 void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
-                    const TrackingResult& tracked, const FramePrior& prior, FrameResult* result) {
+                    const TrackingResult& tracked, FrameResult* result) {
   result->reason = tracked.weak ? TrackingReason::kWeakMotion : tracked.reason;
   if (tracked.ambiguous) result->reason = TrackingReason::kAmbiguousMotion;
   result->rms_px = tracked.motion.rms_px;
   result->point_residuals = tracked.motion.point_residuals;
   result->line_residuals = tracked.motion.line_residuals;
   result->counts = countTracked(state, curr, tracked);
-  result->prior = reportPrior(tracked, prior);
   if (!tracked.in_lost_map) result->image_motion = tracked.image_motion;
   observeFeatures(curr, camera, tracked, result);
+}
+
+PriorReport reportPrior(const OdometryState& state, const TrackingResult& tracked,
+                        const FramePrior& prior) {
+  PriorReport report = tracked.prior;
+  if (tracked.relocalized) return report;
+  const bool measured = tracked.reason == TrackingReason::kNone;
+  if (report.use == PriorUse::kNone || (report.use == PriorUse::kUsed && !measured))
+    report.use = prior.use;
+  if (report.use != PriorUse::kUsed || measured) return report;
+  const bool predicted = state.tracking == TrackingState::kDegraded;
+  report.use = predicted ? PriorUse::kCarried : PriorUse::kNone;
+  return report;
 }
 
 }  // namespace point_line_odometry

@@ -18,8 +18,13 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
 /// Fills a result with what was detected and tracked in a frame: reason, residuals, counts,
 /// features.
 /// \param state before its update by the frame. \param camera of the images as they are processed.
-/// \param prior of the frame.
 void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
-                    const TrackingResult& tracked, const FramePrior& prior, FrameResult* result);
+                    const TrackingResult& tracked, FrameResult* result);
+
+/// What became of a frame's prior: without a motion by the images it carries the pose while that is
+/// predicted; relocalization uses none.
+/// \param state after its update by the frame.
+PriorReport reportPrior(const OdometryState& state, const TrackingResult& tracked,
+                        const FramePrior& prior);
 
 }  // namespace point_line_odometry

@@ -8,15 +8,6 @@ namespace {
 
 constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
 
-/// Of a motion of which only the limits of the camera's speed are known.
-Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits) {
-  Matrix6d covariance = Matrix6d::Zero();
-  covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
-  covariance.diagonal().tail<3>().setConstant(
-      std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
-  return covariance;
-}
-
 /// By a velocity measured before `unmeasured_s`, and a prior.
 PredictedMotion motionByVelocity(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
                                  const MotionPrior* prior) {
@@ -31,6 +22,14 @@ PredictedMotion motionByLimits(double dt_s, const TrackingParameters& limits,
 }
 
 }  // namespace
+
+Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits) {
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal().head<3>().setConstant(std::pow(limits.max_speed_m_s * dt_s, 2));
+  covariance.diagonal().tail<3>().setConstant(
+      std::pow(limits.max_turn_rate_deg_s * M_PI / 180.0 * dt_s, 2));
+  return covariance;
+}
 
 bool isCurrent(const std::optional<CameraVelocity>& velocity) {
   return velocity && velocity->is_current;

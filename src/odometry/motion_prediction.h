@@ -10,6 +10,9 @@
 
 namespace point_line_odometry {
 
+/// Covariance of a motion of which only the limits of the camera's speed are known.
+Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits);
+
 bool isCurrent(const std::optional<CameraVelocity>& velocity);
 
 /// Motion over a time at the last velocity. Where it is not current, it is fused with the limits of

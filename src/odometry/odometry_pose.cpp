@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "geometry/se3.h"
+#include "motion/prior_factor.h"
+#include "odometry/motion_prediction.h"
 #include "odometry/tilt.h"
 
 namespace point_line_odometry {
@@ -21,6 +23,9 @@ constexpr double kMaxCorrectionSigmas = 3.0;
 // streets and 2.0 in rooms; 6 is its expectation, more would be overconfident.
 constexpr double kErrorCorrelation = 7.0;
 
+// Frames for which a velocity predicts pixels, however slow the camera is.
+constexpr double kPredictedFrames = 3.0;
+
 // Largest distance of a relocalized pose from the predicted one, in standard deviations.
 constexpr double kMaxReachSigmas = 6.0;
 
@@ -31,14 +36,20 @@ OdometryPose::OdometryPose(const Eigen::Isometry3d& T_odom_camera) : T_odom_map_
   smoother_.reset(T_odom_camera);
 }
 
+void OdometryPose::continueAt(const Eigen::Isometry3d& T_odom_camera) {
+  integrator_.continueAt(T_odom_camera, smoother_.offsetCovariance());
+  smoother_.reset(T_odom_camera);
+  T_odom_map_ = T_odom_camera;
+}
+
 TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHistory& history,
                                    std::int64_t stamp_ns, double dt_s,
                                    const TrackingParameters& parameters, const MotionPrior* prior) {
-  if (tracked.reason == TrackingReason::kFirstFrame) {
+  if (tracked.reason == TrackingReason::kFirstFrame && dt_s == 0.0) {
     smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kInitializing;
   }
-  if (tracked.reason != TrackingReason::kNone) return predict(stamp_ns, dt_s, parameters, prior);
+  if (tracked.reason != TrackingReason::kNone) return predict(dt_s, parameters, prior);
   const double since_previous_s = toSeconds(stamp_ns - history.previous->stamp_ns);
   integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, stamp_ns);
   const bool gap = dt_s > parameters.max_frame_gap_s;
@@ -51,13 +62,16 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   return tracked.weak || tracked.ambiguous ? TrackingState::kDegraded : TrackingState::kOk;
 }
 
-/// After a gap the pose is kept, however long a prediction may last, unless there is a prior.
-TrackingState OdometryPose::predict(std::int64_t stamp_ns, double dt_s,
-                                    const TrackingParameters& parameters,
+/// After a gap the pose is kept, however long a prediction may last, unless there is a prior of the
+/// translation. What knows the rotation alone carries the pose without a gap: the speed hardly
+/// changes from frame to frame.
+TrackingState OdometryPose::predict(double dt_s, const TrackingParameters& parameters,
                                     const MotionPrior* prior) {
-  double max_s = dt_s > parameters.max_frame_gap_s ? 0.0 : parameters.max_prediction_s;
-  if (prior != nullptr) max_s = std::max(max_s, parameters.max_prior_prediction_s);
-  if (!integrator_.addPrediction(dt_s, stamp_ns, max_s, prior)) {
+  const bool gap = dt_s > parameters.max_frame_gap_s;
+  double max_s = gap ? 0.0 : parameters.max_prediction_s;
+  if (prior != nullptr && (knowsTranslation(*prior) || (!gap && knowsRotation(*prior))))
+    max_s = std::max(max_s, parameters.max_prior_prediction_s);
+  if (!integrator_.addPrediction(dt_s, max_s, prior)) {
     smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kLost;
   }
@@ -96,6 +110,16 @@ void OdometryPose::correctTilt(const TiltCorrection& correction) {
   smoother_.followCorrection(integrator_, T_correction);
 }
 
+std::optional<CameraVelocity> OdometryPose::velocityFor(
+    std::int64_t stamp_ns, const TrackingParameters& parameters) const {
+  std::optional<CameraVelocity> velocity = integrator_.velocity();
+  if (!velocity || integrator_.predictedTime() == 0.0) return velocity;
+  const double longest_s =
+      std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
+  if (toSeconds(stamp_ns - velocity->stamp_ns) > longest_s) velocity->is_current = false;
+  return velocity;
+}
+
 MapAnchor OdometryPose::anchor() const {
   return {T_odom_map_, integrator_.T_odom_previous(), integrator_.previousCovariance()};
 }
@@ -105,23 +129,27 @@ void OdometryPose::returnTo(const MapAnchor& anchor) {
   integrator_.returnTo(anchor.T_odom_previous, anchor.previous_covariance);
 }
 
-bool OdometryPose::isReachable(const Eigen::Isometry3d& T_odom_camera, std::int64_t stamp_ns,
-                               double dt_s, const TrackingParameters& parameters) const {
+bool OdometryPose::isReachable(const Eigen::Isometry3d& T_odom_camera, double dt_s,
+                               const TrackingParameters& parameters) const {
   PoseIntegrator expected = integrator_;
-  expected.addPrediction(dt_s, stamp_ns, parameters.max_prediction_s);
+  expected.addPrediction(dt_s, parameters.max_prediction_s);
   const Vector6d difference = poseDifference(expected.T_odom_camera(), T_odom_camera);
   const double squared = difference.dot(expected.covariance().ldlt().solve(difference));
   return squared <= kMaxReachSigmas * kMaxReachSigmas;
 }
 
-void OdometryPose::report(TrackingState tracking, FrameResult* result) const {
+void OdometryPose::report(TrackingState tracking, const TrackingParameters& parameters,
+                          FrameResult* result) const {
   result->state = tracking;
   result->T_odom_camera = smoother_.T_odom_camera();
   result->T_odom_estimate = integrator_.T_odom_camera();
   result->estimate_covariance = integrator_.covariance();
   result->pose_covariance = smoother_.covariance(integrator_);
   result->twist = smoother_.holds() ? Vector6d::Zero() : integrator_.twist();
-  result->twist_covariance = integrator_.twistCovariance();
+  // Before two frames were matched, zero is no measurement.
+  const bool unknown = !velocity() && tracking != TrackingState::kDegraded;
+  result->twist_covariance =
+      unknown ? covarianceByLimits(1.0, parameters) : integrator_.twistCovariance();
   const bool measured = tracking == TrackingState::kOk && velocity() && velocity()->is_current;
   result->twist_over_s = measured ? velocity()->measured_over_s : 0.0;
 }

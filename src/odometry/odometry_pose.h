@@ -48,15 +48,18 @@ class OdometryPose {
   /// \param T_odom_camera the pose of the first frame, known exactly.
   explicit OdometryPose(const Eigen::Isometry3d& T_odom_camera);
 
-  /// Updates the pose by the tracking result of a frame, `dt_s` after the frame before; without a
-  /// motion as predict() does. Returns how far the pose can be trusted.
+  /// The next frame is the first one of a new map, at this pose; see PoseIntegrator::continueAt().
+  void continueAt(const Eigen::Isometry3d& T_odom_camera);
+
+  /// Updates the pose by the tracking result of a frame, `dt_s` after the frame before (0: it is
+  /// the very first); without a motion as predict() does. Returns how far the pose can be trusted.
   TrackingState update(const TrackingResult& tracked, const FrameHistory& history,
                        std::int64_t stamp_ns, double dt_s, const TrackingParameters& parameters,
                        const MotionPrior* prior);
 
   /// Predicts the pose from the last velocity and a prior of the motion since the last frame (null:
   /// none), as long as a prediction may last.
-  TrackingState predict(std::int64_t stamp_ns, double dt_s, const TrackingParameters& parameters,
+  TrackingState predict(double dt_s, const TrackingParameters& parameters,
                         const MotionPrior* prior);
 
   /// Turns the estimate about the camera; the published pose takes it up gradually.
@@ -75,15 +78,22 @@ class OdometryPose {
 
   /// Whether the camera can be at a pose in its next frame: within six standard deviations of the
   /// prediction.
-  bool isReachable(const Eigen::Isometry3d& T_odom_camera, std::int64_t stamp_ns, double dt_s,
+  bool isReachable(const Eigen::Isometry3d& T_odom_camera, double dt_s,
                    const TrackingParameters& parameters) const;
 
   /// The last estimate, current or not; nothing before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return integrator_.velocity(); }
   void loseVelocity() { integrator_.loseVelocity(); }
 
+  /// The same as the next frame may use it to predict pixels: not current either if motions have
+  /// been predicted for longer than the velocity alone may predict them.
+  /// \param stamp_ns of the next frame.
+  std::optional<CameraVelocity> velocityFor(std::int64_t stamp_ns,
+                                            const TrackingParameters& parameters) const;
+
   /// Fills in poses, velocity and their covariances.
-  void report(TrackingState tracking, FrameResult* result) const;
+  void report(TrackingState tracking, const TrackingParameters& parameters,
+              FrameResult* result) const;
 
   /// All members, for StereoOdometry::saveState().
   auto state() {

@@ -92,7 +92,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
   }
-  if (calibrates && tracked.frame_to_frame.ok()) {
+  if (calibrates && measured && tracked.frame_to_frame.ok()) {
     const StageTimer timer(times, Stage::kRefine);
     stereo_calibration.addMotion(tracked.correspondences, tracked.frame_to_frame, parameters.motion,
                                  shareOfNew(history.map));
@@ -132,7 +132,8 @@ std::optional<TrackingStart> OdometryState::trackingStart(std::int64_t curr_stam
   if (!history.previous) return std::nullopt;
   const double dt_s = toSeconds(curr_stamp_ns - history.previous->stamp_ns);
   return TrackingStart{*history.previous,
-                       predictMotion(pose.velocity(), dt_s, parameters, prior.ofMotion())};
+                       predictMotion(pose.velocityFor(curr_stamp_ns, parameters.tracking), dt_s,
+                                     parameters, prior.ofMotion())};
 }
 
 /// Of two lost maps the one with more keyframes is kept.
@@ -145,7 +146,7 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
   const double dt_s = toSeconds(curr_stamp_ns - *stamp_ns);
-  tracking = pose.predict(curr_stamp_ns, dt_s, parameters, prior.ofStep());
+  tracking = pose.predict(dt_s, parameters, prior.ofStep());
 }
 
 bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext& context,
@@ -174,6 +175,13 @@ void OdometryState::returnToLostMap() {
 void OdometryState::restartTracking() {
   history = FrameHistory();
   lost.reset();
+}
+
+void OdometryState::continueAt(const Eigen::Isometry3d& T_odom_camera) {
+  restartTracking();
+  pose.continueAt(T_odom_camera);
+  tracking = TrackingState::kInitializing;
+  stamp_ns.reset();
 }
 
 void OdometryState::restartMap(const Parameters& parameters) {

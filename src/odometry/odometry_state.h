@@ -80,6 +80,9 @@ struct OdometryState {
   /// The next frame is the first one of a new map; pose and calibration are kept.
   void restartTracking();
 
+  /// Likewise at another pose, and of any stamp.
+  void continueAt(const Eigen::Isometry3d& T_odom_camera);
+
   /// Discards the landmarks; tracking continues from the previous frame.
   void restartMap(const Parameters& parameters);
 

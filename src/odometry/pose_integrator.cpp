@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "motion/prior_factor.h"
 #include "odometry/tilt.h"
 #include "odometry/uncertainty.h"
 
@@ -36,6 +37,25 @@ void PoseIntegrator::reset(const Eigen::Isometry3d& T_odom_camera) {
   twist_.setZero();
   twist_covariance_.setZero();
   predicted_error_.setZero();
+  predicted_s_ = 0.0;
+}
+
+void PoseIntegrator::continueAt(const Eigen::Isometry3d& T_odom_camera, const Matrix6d& added) {
+  Matrix6d missed = Matrix6d::Zero();
+  if (velocity_) {
+    const double dt_s = velocity_->measured_over_s;
+    missed = predictionCovariance(velocity_->value, false, dt_s, dt_s);
+  }
+  const Eigen::Isometry3d T_before_camera = T_odom_camera_.inverse() * T_odom_camera;
+  for (Matrix6d* covariance : {&covariance_, &correlated_covariance_})
+    *covariance = composeCovariance(T_odom_camera_, *covariance + added, T_before_camera, missed);
+  T_odom_camera_ = T_odom_camera;
+  advance();
+  velocity_.reset();
+  twist_.setZero();
+  twist_covariance_.setZero();
+  predicted_error_.setZero();
+  predicted_s_ = 0.0;
 }
 
 void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {
@@ -44,6 +64,8 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
                              covariance);
   };
   correlated_covariance_ = composed(step.error_correlation * step.covariance);
+  const Matrix6d to_odom = blockRotation(T_odom_previous_.linear());
+  step_covariance_ = step.error_correlation * to_odom * step.covariance * to_odom.transpose();
   covariance_ = composed(step.covariance);
   T_odom_camera_ = T_odom_previous_ * step.T_previous_camera;
   T_odom_camera_.linear() =
@@ -57,16 +79,21 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
   predicted_error_.setZero();
+  predicted_s_ = 0.0;
 }
 
-bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s,
-                                   const MotionPrior* prior) {
-  const double unmeasured_s = velocity_ ? toSeconds(stamp_ns - velocity_->stamp_ns) : dt_s;
-  const bool moves = velocity_ && velocity_->is_current && unmeasured_s <= max_prediction_s;
+bool PoseIntegrator::addPrediction(double dt_s, double max_prediction_s, const MotionPrior* prior) {
+  predicted_s_ += dt_s;
+  const bool at_velocity = velocity_ && velocity_->is_current;
+  const bool moves =
+      predicted_s_ <= max_prediction_s && (at_velocity || (prior && knowsTranslation(*prior)));
   const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
   PredictedMotion motion;
-  motion.covariance = predictionCovariance(velocity, moves, dt_s, unmeasured_s);
-  if (moves) motion = predictedMotion(velocity, motion.covariance, dt_s, prior);
+  motion.covariance = predictionCovariance(velocity, moves && at_velocity, dt_s, predicted_s_);
+  if (moves) {
+    motion =
+        predictedMotion(at_velocity ? velocity : Vector6d::Zero(), motion.covariance, dt_s, prior);
+  }
   // The error of a velocity is constant: errors of successive predictions add up, not their
   // variances.
   const Vector6d error = motion.covariance.diagonal().cwiseSqrt();
@@ -83,6 +110,11 @@ bool PoseIntegrator::addPrediction(double dt_s, std::int64_t stamp_ns, double ma
   if (moves && prior != nullptr) twist_ = velocityOfMotion(motion.T_prev_curr, dt_s);
   twist_covariance_ = motion.covariance / (dt_s * dt_s);
   return moves;
+}
+
+Matrix6d PoseIntegrator::predictedCovariance() const {
+  const Matrix6d to_odom = blockRotation(T_odom_camera_.linear());
+  return to_odom * predicted_error_.cwiseAbs2().asDiagonal() * to_odom.transpose();
 }
 
 Matrix6d PoseIntegrator::covariance() const {

@@ -56,15 +56,19 @@ class PoseIntegrator {
   /// Discards all state; the pose is this one, known exactly.
   void reset(const Eigen::Isometry3d& T_odom_camera);
 
+  /// Continues from another pose, as that of a camera that was moved on its robot; the velocity is
+  /// unknown. The covariance is kept, with that of the motion between two frames, which is missing.
+  /// \param added to the covariance, along and about the axes of odom.
+  void continueAt(const Eigen::Isometry3d& T_odom_camera, const Matrix6d& added);
+
   /// Continues from the previous frame's pose with an estimated motion.
   void addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns);
 
-  /// Continues from the last pose at the last velocity, with grown covariance. Returns false if the
-  /// velocity is not current or was estimated longer than max_prediction_s ago: then the pose is
-  /// kept.
+  /// Continues from the last pose at the last velocity, with grown covariance. Without a current
+  /// velocity a prior that knows the translation suffices. Returns false if there is neither, or if
+  /// motions have been predicted for longer than max_prediction_s: then the pose is kept.
   /// \param prior of the motion since the last pose, fused with the velocity; null: none.
-  bool addPrediction(double dt_s, std::int64_t stamp_ns, double max_prediction_s,
-                     const MotionPrior* prior = nullptr);
+  bool addPrediction(double dt_s, double max_prediction_s, const MotionPrior* prior = nullptr);
 
   /// Turns the poses by a correction of the tilt about the camera. \param T_correction of it.
   void correctTilt(const Eigen::Isometry3d& T_correction, const TiltCorrection& correction);
@@ -93,6 +97,16 @@ class PoseIntegrator {
   /// The last estimated velocity, current or not; none before two frames were matched.
   const std::optional<CameraVelocity>& velocity() const { return velocity_; }
 
+  /// For how long motions have been predicted [s]; 0 if the last one was estimated.
+  double predictedTime() const { return predicted_s_; }
+
+  /// Of the motions predicted since the last estimated one, along and about the axes of odom.
+  Matrix6d predictedCovariance() const;
+
+  /// Of the last estimated motion, as it is propagated to the next poses; along and about the axes
+  /// of odom.
+  const Matrix6d& stepCovariance() const { return step_covariance_; }
+
   /// Velocity at the last pose: estimated, predicted with grown covariance, or zero while the pose
   /// is kept.
   const Vector6d& twist() const { return twist_; }
@@ -101,9 +115,11 @@ class PoseIntegrator {
   /// All members, for StereoOdometry::saveState().
   auto state() {
     auto& [T_odom_camera, start, covariance, error_correlation, T_odom_previous,
-           previous_covariance, velocity, twist, twist_covariance, predicted_error] = *this;
+           previous_covariance, velocity, twist, twist_covariance, predicted_error, predicted_s,
+           step_covariance] = *this;
     return std::tie(T_odom_camera, start, covariance, error_correlation, T_odom_previous,
-                    previous_covariance, velocity, twist, twist_covariance, predicted_error);
+                    previous_covariance, velocity, twist, twist_covariance, predicted_error,
+                    predicted_s, step_covariance);
   }
 
  private:
@@ -117,6 +133,8 @@ class PoseIntegrator {
   Vector6d twist_ = Vector6d::Zero();
   Matrix6d twist_covariance_ = Matrix6d::Zero();
   Vector6d predicted_error_ = Vector6d::Zero();  // of the pose since the last estimated motion
+  double predicted_s_ = 0.0;                     // time since then
+  Matrix6d step_covariance_ = Matrix6d::Zero();
 };
 
 }  // namespace point_line_odometry

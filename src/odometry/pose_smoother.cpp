@@ -18,6 +18,7 @@ constexpr double kFadeTime_s = 0.5;        // time constant of the offset's deca
 constexpr double kLongestStep_s = 0.5;     // limits the correction after a gap
 constexpr double kStationaryTime_s = 0.5;  // without motion, to be stationary
 constexpr double kMaxSigmas = 3.0;         // of the estimate from where it became stationary
+constexpr double kPredictedSigmas = 1.0;   // the same of a prediction: wheels at rest have no noise
 constexpr double kMovesSigmas = 6.0;       // of a velocity that no stationary camera has
 constexpr double kNegligible = 1e-9;       // [m] and [rad], of an offset
 
@@ -57,6 +58,10 @@ void PoseSmoother::followMeasured(const PoseIntegrator& estimate, double dt_s, b
 }
 
 void PoseSmoother::followPredicted(const PoseIntegrator& estimate, double dt_s) {
+  if (holds_ && moves(estimate)) {
+    stationary_.reset();
+    holds_ = false;
+  }
   follow(estimate, estimate.twist(), dt_s);
 }
 
@@ -74,7 +79,7 @@ void PoseSmoother::followCorrection(const PoseIntegrator& estimate,
 }
 
 Matrix6d PoseSmoother::covariance(const PoseIntegrator& estimate) const {
-  return estimate.covariance() + offset_ * offset_.transpose();
+  return estimate.covariance() + offsetCovariance();
 }
 
 void PoseSmoother::follow(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s) {
@@ -114,15 +119,24 @@ bool PoseSmoother::isStationary(const PoseIntegrator& estimate, double dt_s) {
   if (stationary_) {
     const Vector6d difference =
         poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
-    const Matrix6d covariance = stationary_->noise + noise + estimate.previousCovariance() -
-                                stationary_->previous_covariance;
+    const Matrix6d covariance = stationary_->noise + noise + stationary_->steps;
+    stationary_->steps += estimate.stepCovariance();
     if (isNoise(difference, covariance, kMaxSigmas)) {
       stationary_->lasted_s += dt_s;
       return stationary_->lasted_s >= kStationaryTime_s;
     }
   }
-  stationary_ = Stationary{estimate.T_odom_camera(), noise, estimate.previousCovariance(), 0.0};
+  stationary_ = Stationary{estimate.T_odom_camera(), noise, estimate.stepCovariance(), 0.0};
   return false;
+}
+
+/// Whether the predicted pose has left the place where the camera became stationary.
+bool PoseSmoother::moves(const PoseIntegrator& estimate) const {
+  if (!stationary_) return false;
+  const Vector6d difference = poseDifference(stationary_->T_odom_camera, estimate.T_odom_camera());
+  const Matrix6d covariance =
+      stationary_->noise + stationary_->steps + estimate.predictedCovariance();
+  return !isNoise(difference, covariance, kPredictedSigmas);
 }
 
 }  // namespace point_line_odometry

@@ -23,7 +23,8 @@ class PoseSmoother {
   /// \param may_hold whether the pose is kept while the camera is stationary.
   void followMeasured(const PoseIntegrator& estimate, double dt_s, bool may_hold);
 
-  /// After a frame whose motion was predicted.
+  /// After a frame whose motion was predicted. Where a prior says that the camera moves, the pose
+  /// is no longer kept.
   void followPredicted(const PoseIntegrator& estimate, double dt_s);
 
   /// After a frame or a time whose motion is unknown: the camera may no longer be stationary.
@@ -41,6 +42,8 @@ class PoseSmoother {
   /// Of the pose, along and about the axes of odom: that of the estimate, and the outer product of
   /// the offset from it.
   Matrix6d covariance(const PoseIntegrator& estimate) const;
+  /// The second of these.
+  Matrix6d offsetCovariance() const { return offset_ * offset_.transpose(); }
 
   /// All members, for StereoOdometry::saveState().
   auto state() {
@@ -53,17 +56,18 @@ class PoseSmoother {
   struct Stationary {
     Eigen::Isometry3d T_odom_camera;  // estimated
     Matrix6d noise;                   // of the estimate relative to the previous frame
-    Matrix6d previous_covariance;
+    Matrix6d steps;                   // covariance of all steps since then
     double lasted_s;
 
     auto state() {
-      auto& [T, noise_of_this, covariance, lasted] = *this;
-      return std::tie(T, noise_of_this, covariance, lasted);
+      auto& [T, noise_of_this, steps_of_this, lasted] = *this;
+      return std::tie(T, noise_of_this, steps_of_this, lasted);
     }
   };
 
   void follow(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s);
   bool isStationary(const PoseIntegrator& estimate, double dt_s);
+  bool moves(const PoseIntegrator& estimate) const;
 
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
   Vector6d offset_ = Vector6d::Zero();  // from the estimate, along and about odom's axes

@@ -20,14 +20,15 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
                                ThreadPool* threads, StageTimes* times) {
   if (!state.history.previous) return without(TrackingReason::kFirstFrame);
   const TrackingParameters& parameters = context.parameters.tracking;
-  const FrameTracker tracker(state.history, state.pose.velocity(), prior, context, threads, times);
+  const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
+  const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
   const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
   if (!tracked.relocalized) return gap ? without(refused) : tracked;
   const Eigen::Isometry3d T_odom_camera =
       state.pose.anchor().T_odom_previous * tracked.motion.T_curr_prev.inverse();
-  const bool possible = state.pose.isReachable(T_odom_camera, curr.stamp_ns, dt_s, parameters);
+  const bool possible = state.pose.isReachable(T_odom_camera, dt_s, parameters);
   return possible ? tracked : without(refused);
 }
 
@@ -44,7 +45,7 @@ std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
   if (!tracked.relocalized) return std::nullopt;
   const Eigen::Isometry3d T_odom_camera =
       lost.anchor.T_odom_previous * tracked.motion.T_curr_prev.inverse();
-  if (!state.pose.isReachable(T_odom_camera, curr.stamp_ns, dt_s, context.parameters.tracking))
+  if (!state.pose.isReachable(T_odom_camera, dt_s, context.parameters.tracking))
     return std::nullopt;
   tracked.in_lost_map = true;
   return tracked;

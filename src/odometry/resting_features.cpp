@@ -255,11 +255,13 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
 
 bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
                               const StereoFrame& curr, const FrameContext& context) {
+  const bool again = curr.stamp_ns == confirmed_ns_;
+  confirmed_ns_ = curr.stamp_ns;
   if (!body) {
-    num_scene_ /= 2;
+    if (!again) num_scene_ /= 2;
     return false;
   }
-  num_scene_ += body->num_scene;
+  if (!again) num_scene_ += body->num_scene;
   if (num_scene_ < kMinScene) return false;
   num_scene_ = 0;
   has_body_ = true;

@@ -48,7 +48,7 @@ class RestingFeatures {
 
   /// Counts what was found in a frame, or that nothing was. Once enough points of the scene agree,
   /// in this frame and those before, features are taken to rest where the body's are, until motions
-  /// tell otherwise. \return whether this is so now.
+  /// tell otherwise. A frame that is tracked twice counts once. \return whether this is so now.
   bool confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
                const StereoFrame& curr, const FrameContext& context);
 
@@ -57,8 +57,8 @@ class RestingFeatures {
   void addLost(double dt_s);
 
   auto state() {
-    auto& [last_px, cells, num_scene, has_body, share_found, lost_s] = *this;
-    return std::tie(last_px, cells, num_scene, has_body, share_found, lost_s);
+    auto& [last_px, cells, num_scene, confirmed, has_body, share_found, lost_s] = *this;
+    return std::tie(last_px, cells, num_scene, confirmed, has_body, share_found, lost_s);
   }
 
  private:
@@ -90,9 +90,10 @@ class RestingFeatures {
 
   Eigen::Vector2f last_px_;  // of the image
   CellGrid<Counts> cells_;
-  int num_scene_ = 0;         // points of a scene behind a body, of frames one after the other
-  bool has_body_ = false;     // one was found before a scene
-  double share_found_ = 0.5;  // of the features in view, in the frames before
+  int num_scene_ = 0;  // points of a scene behind a body, of frames one after the other
+  std::int64_t confirmed_ns_ = -1;  // stamp of the last frame that counts in num_scene_
+  bool has_body_ = false;           // one was found before a scene
+  double share_found_ = 0.5;        // of the features in view, in the frames before
   double lost_s_ = 0.0;
 };
 

@@ -41,6 +41,7 @@ class StereoOdometry::Impl {
 
   FrameResult process(const StereoImages& images, const MotionPrior* given);
   void reset(const Eigen::Isometry3d& T_odom_camera);
+  void continueAt(const Eigen::Isometry3d& T_odom_camera);
   void setCamera(const StereoCamera& camera);
   void setParameters(const Parameters& wanted);
   std::string saveState();
@@ -78,7 +79,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images, const Moti
     }
     result.times.total_ms = StageTimer::elapsedMs(begin);
   }
-  state.pose.report(state.tracking, &result);
+  state.pose.report(state.tracking, parameters.tracking, &result);
   return result;
 }
 
@@ -128,9 +129,10 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
 
 void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, FrameResult* result) {
   if (curr.tracking.in_lost_map) state.returnToLostMap();
-  reportTracking(state, curr.frame, curr.context.camera, curr.tracking, prior, result);
+  reportTracking(state, curr.frame, curr.context.camera, curr.tracking, result);
   state.update(std::move(curr.frame), curr.context, curr.tracking, prior, threads.get(),
                &result->times);
+  result->prior = reportPrior(state, curr.tracking, prior);
   const StageTimer timer(&result->times, Stage::kUpdateMap);
   window.start(curr.context.camera, parameters, &state.history.map);
 }
@@ -141,6 +143,9 @@ void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, Fr
     state.tracking = TrackingState::kDegraded;
   } else if (state.stamp_ns) {
     state.predict(result->stamp_ns, parameters.tracking, prior);
+    TrackingResult none;
+    none.reason = TrackingReason::kException;
+    result->prior = reportPrior(state, none, prior);
   }
   state.stamp_ns = result->stamp_ns;
   result->reason = TrackingReason::kException;
@@ -150,6 +155,11 @@ void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, Fr
 void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
   window.discard();
   state = OdometryState(scaling.camera(), T_odom_camera);
+}
+
+void StereoOdometry::Impl::continueAt(const Eigen::Isometry3d& T_odom_camera) {
+  window.discard();
+  state.continueAt(T_odom_camera);
 }
 
 void StereoOdometry::Impl::restartTracking() {
@@ -210,6 +220,9 @@ bool StereoOdometry::correctTilt(const TiltCorrection& correction) {
   return true;
 }
 void StereoOdometry::reset(const Eigen::Isometry3d& T_odom_camera) { impl_->reset(T_odom_camera); }
+void StereoOdometry::continueAt(const Eigen::Isometry3d& T_odom_camera) {
+  impl_->continueAt(T_odom_camera);
+}
 void StereoOdometry::setCamera(const StereoCamera& camera) { impl_->setCamera(camera); }
 void StereoOdometry::setParameters(const Parameters& wanted) { impl_->setParameters(wanted); }
 std::string StereoOdometry::saveState() { return impl_->saveState(); }

@@ -45,7 +45,8 @@ void OfflineRun::startImu() {
 
 void OfflineRun::startWheels() {
   const Eigen::Isometry3d T_input_rectified = T_rectified_input().inverse();
-  if (parameters_.planar.enabled) T_base_camera_ = source_.T_base_camera() * T_input_rectified;
+  if (parameters_.planar.enabled)
+    floor_.emplace(parameters_.planar, source_.T_base_camera() * T_input_rectified);
   if (!parameters_.wheels.enabled) return;
   std::optional<WheelData> data = source_.wheels();
   if (!data) {
@@ -102,8 +103,7 @@ std::optional<MotionPrior> OfflineRun::measuredPrior(std::int64_t stamp_ns) {
   };
   if (gyroscope_) add(gyroscope_->between(*last_ns_, stamp_ns));
   if (wheels_) add(wheels_->between(*last_ns_, stamp_ns));
-  if (parameters_.planar.enabled)
-    add(planarPrior(parameters_.planar, T_base_camera_, *last_ns_, stamp_ns));
+  if (floor_) add(floor_->between(*last_ns_, stamp_ns));
   return fused(priors);
 }
 
@@ -162,6 +162,7 @@ bool OfflineRun::step() {
   if (gyroscope_) gyroscope_->update(result_);
   if (gravity_) gravity_->update(result_, *gyroscope_);
   if (wheels_) wheels_->update(result_);
+  if (floor_) floor_->update(result_);
   if (result_.accepted()) last_ns_ = images->stamp_ns;
   if (replay_ != nullptr) replay_->compare(result_);
   rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},

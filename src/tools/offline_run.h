@@ -84,9 +84,9 @@ class OfflineRun {
   std::optional<ImuData> imu_;
   std::size_t next_sample_ = 0;
   std::optional<WheelOdometry> wheels_;
+  std::optional<PlanarFloor> floor_;
   std::vector<OdometrySample> wheel_samples_;
   std::size_t next_wheel_sample_ = 0;
-  Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();  // with planar/enabled
   std::optional<PriorsByStamp> priors_;
   std::set<std::int64_t> matched_priors_;  // by their ends
   std::optional<std::int64_t> last_ns_;    // of the last accepted frame

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "common/bounded_samples.h"
 #include "geometry/se3.h"
 #include "motion/prior_agreement.h"
 #include "motion/prior_factor.h"
@@ -94,6 +95,19 @@ MotionPrior priorOfBody(const Isometry3d& motion, const Vector6d& deviations, st
   return prior;
 }
 
+/// Whether priors can be compared with a frame's motion by the images.
+bool isComparable(const FrameResult& result) {
+  return result.state == TrackingState::kOk && result.image_motion;
+}
+
+bool agrees(const MotionPrior& prior, const ImageMotion& images) {
+  const PriorFactor factor(prior);
+  PriorReport report;
+  report.axes = factor.axes();
+  report.chi_square = factor.chiSquare(images.T_prev_curr.inverse(), images.covariance);
+  return PriorFactor::agrees(report);
+}
+
 }  // namespace
 
 WheelOdometry::WheelOdometry(const Parameters& parameters, const Isometry3d& T_body_camera)
@@ -114,7 +128,7 @@ void WheelOdometry::add(const OdometrySample& sample) {
   } else {
     samples_.insert(after, sample);
   }
-  if (samples_.size() > kMaxSamples) samples_.pop_front();
+  boundSamples(kMaxSamples, updated_ns_, &samples_);
 }
 
 bool WheelOdometry::covers(std::int64_t frame_ns) const {
@@ -241,15 +255,9 @@ std::optional<MotionPrior> WheelOdometry::between(std::int64_t from_ns, std::int
 void WheelOdometry::update(const FrameResult& result) {
   if (!result.accepted()) return;
   updated_ns_ = result.stamp_ns;
-  if (result.state == TrackingState::kOk && result.image_motion) {
-    const ImageMotion& images = *result.image_motion;
-    if (const auto prior = measure(images.from_ns, result.stamp_ns)) {
-      const PriorFactor factor(*prior);
-      PriorReport report;
-      report.axes = factor.axes();
-      report.chi_square = factor.chiSquare(images.T_prev_curr.inverse(), images.covariance);
-      updateRejectedShare(PriorFactor::agrees(report), &rejected_share_);
-    }
+  if (isComparable(result)) {
+    if (const auto prior = measure(result.image_motion->from_ns, result.stamp_ns))
+      updateRejectedShare(agrees(*prior, *result.image_motion), &rejected_share_);
   }
   const std::int64_t first_ns = result.stamp_ns - nanoseconds(kKept_s);
   while (!samples_.empty() && samples_.front().stamp_ns < first_ns) samples_.pop_front();
@@ -270,5 +278,19 @@ MotionPrior planarPrior(const PlanarParameters& parameters, const Isometry3d& T_
   deviations *= std::sqrt(seconds(to_ns - from_ns));
   return ofCamera(priorOfBody(Isometry3d::Identity(), deviations, from_ns, to_ns), T_body_camera);
 }
+
+std::optional<MotionPrior> PlanarFloor::between(std::int64_t from_ns, std::int64_t to_ns) const {
+  if (!isTrusted()) return std::nullopt;
+  return planarPrior(parameters_, T_body_camera_, from_ns, to_ns);
+}
+
+void PlanarFloor::update(const FrameResult& result) {
+  if (!isComparable(result)) return;
+  const MotionPrior prior =
+      planarPrior(parameters_, T_body_camera_, result.image_motion->from_ns, result.stamp_ns);
+  updateRejectedShare(agrees(prior, *result.image_motion), &rejected_share_);
+}
+
+bool PlanarFloor::isTrusted() const { return rejected_share_ <= kMaxRejectedShare; }
 
 }  // namespace point_line_odometry
