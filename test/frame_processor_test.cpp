@@ -371,6 +371,46 @@ TEST(FrameProcessor, FollowsThePolicyWhenTheClockJumpsBack) {
   }
 }
 
+/// The pose is as uncertain afterwards as before, if not more.
+TEST(FrameProcessor, KeepsTheCovarianceWhereItKeepsThePose) {
+  AllParameters parameters;
+  parameters.node.on_time_jump = "keep_pose";
+  FrameProcessor processor(parameters);
+  processor.process(makeMessages(20.0), mounting());
+  const Matrix6d before = processor.process(makeMessages(20.1), mounting()).result.pose_covariance;
+  ASSERT_GT(before.trace(), 0.0);
+  const FrameResult set_back = processor.process(makeMessages(10.0), mounting()).result;
+  EXPECT_EQ(set_back.reason, TrackingReason::kFirstFrame);
+  EXPECT_GE(set_back.pose_covariance.trace(), before.trace());
+  Eigen::Isometry3d moved = mounting();
+  moved.translation().x() += 1.0;
+  const ProcessedFrame elsewhere = processor.process(makeMessages(10.1), moved);
+  EXPECT_EQ(elsewhere.result.reason, TrackingReason::kFirstFrame);
+  EXPECT_GE(elsewhere.result.pose_covariance.trace(), set_back.pose_covariance.trace());
+}
+
+/// As from a computer whose clock is half a second behind.
+TEST(FrameProcessor, CountsFramesForWhichTheSamplesGiveNothing) {
+  AllParameters parameters;
+  parameters.core.imu.enabled = true;
+  FrameProcessor processor(parameters);
+  const auto drive = [&](double from_s, double delay_s) {
+    for (int k = 0; k < 5; ++k) {
+      const double stamp_s = from_s + 0.1 * k;
+      for (int i = -20; i <= 20; ++i) {
+        ImuSample sample;
+        sample.stamp_ns = std::llround(1e9 * (stamp_s - delay_s + 0.005 * i));
+        processor.addImu({sample}, Eigen::Isometry3d::Identity());
+      }
+      processor.process(makeMessages(stamp_s), mounting());
+    }
+  };
+  drive(20.0, 0.5);
+  EXPECT_EQ(processor.framesWithoutImu(), 4) << "all but the first";
+  drive(20.5, 0.0);
+  EXPECT_EQ(processor.framesWithoutImu(), 0);
+}
+
 TEST(FrameProcessor, ALateFrameIsNoJumpOfTheClock) {
   for (const std::string policy : {"reset", "keep_pose", "ignore"}) {
     AllParameters parameters = startAt(1.0, 0.0);

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <iomanip>
+#include <sstream>
 
 #include "common/statistics.h"
 
@@ -49,6 +51,20 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
   }
 }
 
+// Frames in a row for which samples come that give nothing: not only those of a gap.
+constexpr int kManyFrames = 30;
+
+std::string whyNothing(const SourceFacts& source) {
+  std::ostringstream text;
+  text << "there are too few of them around the stamps of the images";
+  if (source.newest_s) {
+    text << ", the newest is " << std::fixed << std::setprecision(3) << std::abs(*source.newest_s)
+         << " s " << (*source.newest_s < 0.0 ? "before" : "after") << " the last image";
+  }
+  text << ": compare both clocks, and the rate";
+  return text.str();
+}
+
 /// Adds a source of motion priors: whether its samples come, and how many could not be used and
 /// why.
 void reportSource(const std::string& name, const SourceFacts& source,
@@ -57,6 +73,9 @@ void reportSource(const std::string& name, const SourceFacts& source,
     status->mergeSummary(Level::WARN, source.timeout);
   } else if (!source.fault.empty()) {
     status->mergeSummary(Level::WARN, name + " are not used: " + source.fault);
+  } else if (source.frames_without >= kManyFrames) {
+    status->mergeSummary(Level::WARN,
+                         name + " come, but give the frames nothing: " + whyNothing(source));
   }
   status->add(name, source.counts.received);
   const auto addUnused = [&](const std::string& fault, std::uint64_t count) {
@@ -93,6 +112,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   latency_ms_ = latency_ms;
   feature_budget_ = frame.feature_budget;
   prior_ = frame.result.prior;
+  floor_trusted_ = frame.floor_trusted;
   ++priors_[prior_.use];
   if (line_detector_ != frame.line_detector) {
     ROS_INFO("detector of line segments: %s", toString(frame.line_detector));
@@ -252,9 +272,14 @@ void Diagnostics::reportPriors(Status& status) const {
   if (imu_) reportSource("imu samples", *imu_, &status);
   if (wheels_) reportSource("poses by wheels", *wheels_, &status);
   if (prior_.use == PriorUse::kSuspended) {
+    std::string text = "motion priors disagree with the images and are not used";
+    if (imu_) text += ": check the axes of the IMU in tf, its stamps and noise parameters";
+    status.mergeSummary(Level::WARN, text);
+  }
+  if (!floor_trusted_) {
     status.mergeSummary(Level::WARN,
-                        "motion priors disagree with the images and are not used: check the axes "
-                        "of the IMU in tf, its stamps and noise parameters");
+                        "the robot does not move as on a flat floor, which is not used: check the "
+                        "camera's pose in tf, and planar/z_deviation, roll_ and pitch_deviation");
   }
   if (wheels_ && !wheels_->trusted) {
     status.mergeSummary(Level::WARN,

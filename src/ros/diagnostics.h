@@ -25,6 +25,8 @@ struct SourceFacts {
   std::string timeout;  ///< what to say if it is not alive
   std::string fault;    ///< of the frame of its last sample, empty if there is none
   std::map<std::string, std::uint64_t> unused;  ///< samples, by what was wrong with them
+  int frames_without = 0;                       ///< successive frames for which they gave nothing
+  std::optional<double> newest_s;  ///< stamp of the newest sample minus that of the last image
 };
 
 /// The wheels, or what else gives poses.
@@ -94,9 +96,10 @@ class Diagnostics {
   std::optional<WheelFacts> wheels_;          // nothing without
   PriorReport prior_;                         // of the last frame
   std::map<PriorUse, std::uint64_t> priors_;  // frames by the use of their prior
-  std::string problem_;                       // of the last frame, empty if there is none
-  std::string timeout_;                       // why no images are received, empty if they are
-  std::string rejected_stamp_;                // the last one
+  bool floor_trusted_ = true;
+  std::string problem_;         // of the last frame, empty if there is none
+  std::string timeout_;         // why no images are received, empty if they are
+  std::string rejected_stamp_;  // the last one
   std::optional<ros::WallTime> time_of_rejected_stamp_;
   std::uint64_t num_sets_ = 0;
   std::uint64_t num_unsynchronized_ = 0;

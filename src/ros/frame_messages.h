@@ -42,6 +42,7 @@ struct ProcessedFrame {
   FrameResult result;
   std::optional<MotionPrior> prior;    ///< that was given to the odometry
   std::optional<TiltCorrection> tilt;  ///< the same, before the frame
+  bool floor_trusted = true;           ///< false while the flat floor is suspended
   cv::Mat left;  ///< rectified left image, CV_8UC1; may share the memory of `left_message`
   sensor_msgs::ImageConstPtr left_message;
   cv::Mat left_mask;  ///< of `left`; empty: nothing is masked

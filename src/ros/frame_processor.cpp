@@ -53,12 +53,15 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
   continues_ = false;  // until the frame is done
   frame.prior = priorOf(images.stamp_ns);
-  if (gravity_) frame.tilt = gravity_->takeCorrection();
+  const bool newer = !last_stamp_ns_ || images.stamp_ns > *last_stamp_ns_;
+  if (gravity_ && newer) frame.tilt = gravity_->takeCorrection();  // for a frame that is recorded
   if (frame.tilt) odometry_->correctTilt(*frame.tilt);
   frame.result = odometry_->process(images, frame.prior ? &*frame.prior : nullptr);
   if (gyroscope_) gyroscope_->update(frame.result);
   if (gravity_) gravity_->update(frame.result, *gyroscope_);
   if (wheels_) wheels_->update(frame.result);
+  if (floor_) floor_->update(frame.result);
+  frame.floor_trusted = !floor_ || floor_->isTrusted();
   frame.line_detector = odometry_->lineDetector();
   checkFinite(frame.result);
   continues_ = frame.result.reason != TrackingReason::kException;
@@ -105,16 +108,18 @@ void FrameProcessor::startGravity() {
     gravity_.emplace(parameters_.core.imu, T_base_camera_.inverse() * *T_base_imu_);
 }
 
-std::optional<MotionPrior> FrameProcessor::priorOf(std::int64_t stamp_ns) const {
+std::optional<MotionPrior> FrameProcessor::priorOf(std::int64_t stamp_ns) {
   if (!last_stamp_ns_ || stamp_ns <= *last_stamp_ns_) return std::nullopt;
   std::vector<MotionPrior> priors;
   const auto add = [&](const std::optional<MotionPrior>& prior) {
     if (prior) priors.push_back(*prior);
+    return prior.has_value();
   };
-  if (gyroscope_) add(gyroscope_->between(*last_stamp_ns_, stamp_ns));
-  if (wheels_) add(wheels_->between(*last_stamp_ns_, stamp_ns));
-  const PlanarParameters& planar = parameters_.core.planar;
-  if (planar.enabled) add(planarPrior(planar, T_base_camera_, *last_stamp_ns_, stamp_ns));
+  const auto count = [](bool given, int* without) { *without = given ? 0 : *without + 1; };
+  if (gyroscope_) count(add(gyroscope_->between(*last_stamp_ns_, stamp_ns)), &without_imu_);
+  if (wheels_ && wheels_->isTrusted())
+    count(add(wheels_->between(*last_stamp_ns_, stamp_ns)), &without_wheels_);
+  if (floor_) add(floor_->between(*last_stamp_ns_, stamp_ns));
   return fused(priors);
 }
 
@@ -145,6 +150,11 @@ void FrameProcessor::startWheels() {
   early_wheel_samples_.clear();
 }
 
+void FrameProcessor::startFloor() {
+  floor_.reset();
+  if (parameters_.core.planar.enabled) floor_.emplace(parameters_.core.planar, T_base_camera_);
+}
+
 void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
   T_odom_base_ = T_odom_base;
   last_stamp_ns_.reset();
@@ -162,6 +172,8 @@ void FrameProcessor::setParameters(const Parameters& core) {
   }
   if (usesWheels(parameters_) != used_wheels) startWheels();
   if (wheels_) wheels_->setParameters(core);
+  if (core.planar.enabled != floor_.has_value()) startFloor();
+  if (floor_) floor_->setParameters(core.planar);
   if (gyroscope_) gyroscope_->setParameters(core.imu);
   if (gravity_) gravity_->setParameters(core.imu);
   if (odometry_) odometry_->setParameters(budgetedParameters());
@@ -272,7 +284,12 @@ void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
   const double back_s = toSeconds(*last_stamp_ns_ - stamp_ns);
   if (back_s <= kMaxLateness_s) return;
   was_reset_ = parameters_.node.on_time_jump == "reset";
-  reset(was_reset_ ? initialPose(parameters_.node) : T_odom_base_);
+  if (was_reset_) {
+    reset(initialPose(parameters_.node));
+  } else {
+    last_stamp_ns_.reset();
+    continueOdometry();
+  }
 }
 
 /// Samples of the IMU and the wheels, also if a reset came between them and the jump.
@@ -289,15 +306,27 @@ void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {
   const bool moved = !T_base_camera.isApprox(T_base_camera_, 1e-9);
   if (odometry_ && !moved) return;
   T_base_camera_ = T_base_camera;
-  startOdometry();
+  if (odometry_) {
+    continueOdometry();
+  } else {
+    startOdometry();
+  }
   startImu();
   startWheels();
+  startFloor();
 }
 
 void FrameProcessor::startOdometry() {
   if (!calibration_) return;
   if (!odometry_) odometry_.emplace(calibration_->camera, budgetedParameters());
   odometry_->reset(T_odom_base_ * T_base_camera_);
+  if (gravity_) gravity_->restart();
+  continues_ = false;
+}
+
+/// Goes on from the base's last pose and its covariance.
+void FrameProcessor::continueOdometry() {
+  odometry_->continueAt(T_odom_base_ * T_base_camera_);
   if (gravity_) gravity_->restart();
   continues_ = false;
 }

@@ -81,6 +81,11 @@ class FrameProcessor {
   /// The wheels in use; null without.
   const WheelOdometry* wheels() const { return wheels_ ? &*wheels_ : nullptr; }
 
+  /// Numbers of successive frames for which the IMU, or the wheels, gave nothing: samples come that
+  /// are not of the time of the images, or are too few.
+  int framesWithoutImu() const { return without_imu_; }
+  int framesWithoutWheels() const { return without_wheels_; }
+
   /// Resets the odometry; the base has this pose at the next frame.
   void reset(const Eigen::Isometry3d& T_odom_base);
 
@@ -123,10 +128,12 @@ class FrameProcessor {
   void dropSamplesBeforeJump(std::int64_t stamp_ns);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
+  void continueOdometry();
   void startImu();
   void startGravity();
   void startWheels();
-  std::optional<MotionPrior> priorOf(std::int64_t stamp_ns) const;
+  void startFloor();
+  std::optional<MotionPrior> priorOf(std::int64_t stamp_ns);
   Parameters budgetedParameters() const;
 
   AllParameters parameters_;
@@ -141,6 +148,9 @@ class FrameProcessor {
   std::optional<Eigen::Isometry3d> T_base_body_;  // of the wheels
   std::optional<WheelOdometry> wheels_;
   std::deque<OdometrySample> early_wheel_samples_;
+  std::optional<PlanarFloor> floor_;
+  int without_imu_ = 0;
+  int without_wheels_ = 0;
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_base_;  // at the last frame, or initial pose of the next one
   std::optional<std::int64_t> last_stamp_ns_;

@@ -186,10 +186,10 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 }
 
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
-  const auto begin = StageTimer::Clock::now();
   applyRequests();
   takeImu(messages);
   takeWheels(messages);
+  const auto begin = StageTimer::Clock::now();  // fewer features shorten no wait for samples
   const Eigen::Isometry3d T_base_header = mounting_.take(messages.left->header.frame_id);
   ProcessedFrame frame = processor_->process(messages, T_base_header);
   frame.T_guess_base = T_guess_base_;
@@ -261,6 +261,7 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
   const std::int64_t stamp_ns = toNanoseconds(messages.left->header.stamp);
   imu_.takeUntil(
       [this](const FramedSample<ImuSample>& imu) {
+        imu_sensor_.newest_ns = imu.sample.stamp_ns;
         const Eigen::Isometry3d* T_base_imu = poseOf(imu.frame_id, &imu_sensor_);
         if (T_base_imu != nullptr) processor_->addImu({imu.sample}, *T_base_imu);
       },
@@ -270,6 +271,8 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
   facts.counts = imu_.counts();
   facts.fault = imu_sensor_.fault;
   facts.timeout = "no sample on topic imu for a second";
+  facts.frames_without = processor_->framesWithoutImu();
+  facts.newest_s = imu_sensor_.newestAfter(stamp_ns);
   facts.unused["of a frame that tf does not know"] = imu_sensor_.unmounted;
   if (gyroscope != nullptr) {
     const ImuFaults& faults = gyroscope->faults();
@@ -318,6 +321,7 @@ void StereoOdometryNodelet::takeWheels(const StereoMessages& messages) {
   if (!guess_) {
     wheels_.takeUntil(
         [this](const FramedSample<OdometrySample>& pose) {
+          wheel_sensor_.newest_ns = pose.sample.stamp_ns;
           const std::string& body =
               pose.frame_id.empty() ? parameters_.base_frame_id : pose.frame_id;
           const Eigen::Isometry3d* T_base_body = poseOf(body, &wheel_sensor_);
@@ -325,12 +329,14 @@ void StereoOdometryNodelet::takeWheels(const StereoMessages& messages) {
         },
         [this, stamp_ns] { return processor_->hasWheelsUntil(stamp_ns); });
   }
-  diagnostics_->noteWheels(wheelFacts());
+  diagnostics_->noteWheels(wheelFacts(stamp_ns));
 }
 
-WheelFacts StereoOdometryNodelet::wheelFacts() const {
+WheelFacts StereoOdometryNodelet::wheelFacts(std::int64_t image_ns) const {
   const WheelOdometry* wheels = processor_->wheels();
   WheelFacts facts;
+  facts.frames_without = processor_->framesWithoutWheels();
+  facts.newest_s = wheel_sensor_.newestAfter(image_ns);
   if (guess_) {
     facts.counts.received = num_guesses_;
     facts.counts.alive = T_guess_base_.has_value();

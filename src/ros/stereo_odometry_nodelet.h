@@ -74,13 +74,19 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void takeImu(const StereoMessages& messages);
   void enableWheels(bool enabled);
   void takeWheels(const StereoMessages& messages);
-  WheelFacts wheelFacts() const;
+  WheelFacts wheelFacts(std::int64_t image_ns) const;
   void takeGuess(const StereoMessages& messages);
   /// Where another sensor is on the robot, and what is wrong with that.
   struct OtherSensor {
     SensorMounting mounting;
-    std::uint64_t unmounted = 0;  // samples of which that is not known
-    std::string fault;            // of the last sample, empty if there is none
+    std::uint64_t unmounted = 0;            // samples of which that is not known
+    std::string fault;                      // of the last sample, empty if there is none
+    std::optional<std::int64_t> newest_ns;  // stamp of the last sample
+
+    std::optional<double> newestAfter(std::int64_t stamp_ns) const {
+      if (!newest_ns) return std::nullopt;
+      return toSeconds(*newest_ns - stamp_ns);
+    }
   };
 
   const Eigen::Isometry3d* poseOf(const std::string& frame, OtherSensor* sensor) const;

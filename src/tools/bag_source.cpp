@@ -202,7 +202,9 @@ class BagSource : public StereoSource {
       }
     }
     if (data.samples.empty()) return std::nullopt;
-    data.T_body_camera = lookUp(frame, "the wheels, which wheels/enabled needs");
+    // Without a frame they are of the base.
+    data.T_body_camera =
+        frame.empty() ? T_base_camera() : lookUp(frame, "the wheels, which wheels/enabled needs");
     return data;
   }
 
