@@ -15,13 +15,19 @@ TrackingResult without(TrackingReason reason) {
   return nothing;
 }
 
+/// [s]; zero for the very first frame.
+double sinceLastFrame(const OdometryState& state, const StereoFrame& curr) {
+  return state.stamp_ns ? toSeconds(curr.stamp_ns - *state.stamp_ns) : 0.0;
+}
+
 TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& curr,
-                               const FramePrior& prior, const FrameContext& context, double dt_s,
+                               const FramePrior& prior, const FrameContext& context,
                                ThreadPool* threads, StageTimes* times) {
   if (!state.history.previous) return without(TrackingReason::kFirstFrame);
   const TrackingParameters& parameters = context.parameters.tracking;
   const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
   const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
+  const double dt_s = sinceLastFrame(state, curr);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
   const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
@@ -35,8 +41,8 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
 /// Nothing unless the camera is relocalized in the lost map.
 std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
                                                   const StereoFrame& curr,
-                                                  const FrameContext& context, double dt_s,
-                                                  ThreadPool* threads, StageTimes* times) {
+                                                  const FrameContext& context, ThreadPool* threads,
+                                                  StageTimes* times) {
   const LostMap& lost = *state.lost;
   const std::optional<CameraVelocity> unknown;
   const FramePrior none;
@@ -45,6 +51,7 @@ std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
   if (!tracked.relocalized) return std::nullopt;
   const Eigen::Isometry3d T_odom_camera =
       lost.anchor.T_odom_previous * tracked.motion.T_curr_prev.inverse();
+  const double dt_s = sinceLastFrame(state, curr);
   if (!state.pose.isReachable(T_odom_camera, dt_s, context.parameters.tracking))
     return std::nullopt;
   tracked.in_lost_map = true;
@@ -54,14 +61,14 @@ std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
 }  // namespace
 
 TrackingResult trackOrRelocalize(const OdometryState& state, const StereoFrame& curr,
-                                 const FramePrior& prior, const FrameContext& context, double dt_s,
+                                 const FramePrior& prior, const FrameContext& context,
                                  ThreadPool* threads, StageTimes* times) {
-  TrackingResult tracked = trackCurrentMap(state, curr, prior, context, dt_s, threads, times);
+  TrackingResult tracked = trackCurrentMap(state, curr, prior, context, threads, times);
   if (tracked.relocalized || !state.lost) return tracked;
   const bool measured = tracked.reason == TrackingReason::kNone;
   if (measured && toSeconds(curr.stamp_ns - state.lost->tried_ns) < kRetry_s) return tracked;
   if (isExpired(*state.lost, curr.stamp_ns, context.parameters.tracking)) return tracked;
-  if (auto found = relocalizeInLostMap(state, curr, context, dt_s, threads, times)) return *found;
+  if (auto found = relocalizeInLostMap(state, curr, context, threads, times)) return *found;
   tracked.tried_lost_map = true;
   return tracked;
 }

@@ -10,9 +10,9 @@ namespace point_line_odometry {
 /// the map. While there is a lost map, relocalization tries that, too (every half second while the
 /// camera is tracked, each frame otherwise). A pose that the camera cannot have reached since the
 /// last frame is rejected.
-/// \param prior of the frame's motion. \param dt_s since the last frame.
+/// \param prior of the frame's motion.
 TrackingResult trackOrRelocalize(const OdometryState& state, const StereoFrame& curr,
-                                 const FramePrior& prior, const FrameContext& context, double dt_s,
+                                 const FramePrior& prior, const FrameContext& context,
                                  ThreadPool* threads, StageTimes* times);
 
 }  // namespace point_line_odometry

@@ -117,12 +117,11 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
 
   // Match with the previous frame and the map, estimate the motion.
   state.resting.leaveOut(&frame);
-  const double dt_s = state.stamp_ns ? toSeconds(frame.stamp_ns - *state.stamp_ns) : 0.0;
   TrackingResult tracking =
-      trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
+      trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
   if (state.leaveOutResting(frame, context, &tracking)) {
     state.resting.leaveOut(&frame);
-    tracking = trackOrRelocalize(state, frame, prior, context, dt_s, threads.get(), &result->times);
+    tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
   }
   return {std::move(context), std::move(frame), std::move(tracking)};
 }
