@@ -116,6 +116,12 @@ TEST_F(KittiDatasetTest, TakesWindowsLineEnds) {
   EXPECT_EQ(StereoDataset::open(folder()).frame(2).stamp_ns, 200000000);
 }
 
+TEST_F(KittiDatasetTest, StampsSince1970HaveTheirNanoseconds) {
+  writeText(file("times.txt"),
+            "1700000000.123456789\n1700000000.223456789\n1700000000.323456789\n");
+  EXPECT_EQ(StereoDataset::open(folder()).frame(1).stamp_ns, 1700000000223456789);
+}
+
 TEST_F(KittiDatasetTest, ReadsPosesOfTheFolder) {
   writeText(file("poses.txt"),
             "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0.1 0 1 0 0 0 0 1 1\n0 0 1 1 0 1 0 2 -1 0 0 3\n");

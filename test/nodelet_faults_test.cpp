@@ -391,6 +391,21 @@ void changeCalibration(Messages* messages) {
   for (auto* info : {&messages->left_info, &messages->right_info}) info->P[2] += 0.2;
 }
 
+/// Nor does the manager end, with all of its other nodelets.
+TEST_F(NodeletFaultsTest, AStartThatFailsLeavesTheManagerAsItWas) {
+  const std::string no_file = "/no/such/mask.png";
+  for (int k = 0; k < 3; ++k) {
+    set("left/mask", no_file);
+    EXPECT_FALSE(load());
+    set("left/mask", std::string("none"));
+    set("image_transport", std::string("none_such"));
+    EXPECT_FALSE(load());
+    set("image_transport", std::string("raw"));
+  }
+  ASSERT_TRUE(load());
+  EXPECT_EQ(drive(0, 3).state, OdometryInfo::OK);
+}
+
 /// The pose goes on: it is predicted for the frames that confirm the calibration.
 TEST_F(NodeletFaultsTest, AcceptsAnotherCalibrationThatStaysAndGoesOn) {
   ASSERT_TRUE(load());

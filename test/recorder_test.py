@@ -176,6 +176,10 @@ class RecorderTest(unittest.TestCase):
         answer = self.dump()
         self.assertEqual(answer.frames, len(rosbag_stamps(answer.files[0])))
         self.check_same(self.replay(answer.files[1]), answer.frames)
+        result = run("offline_odometry", answer.files[1], "-o", os.path.join(self.folder, "half"),
+                     "--scale", "0.5")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("--scale", result.stderr)
 
     def test_lost_writes_once_and_other_parameters_are_replayed(self):
         self.start(frames=4 * RING)

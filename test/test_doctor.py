@@ -2,6 +2,7 @@
 """The doctor from its users' view: the tool on bags, with a good input, and with faults that keep the
 odometry from working."""
 
+import copy
 import os
 import re
 import shutil
@@ -140,6 +141,22 @@ class BagTest(unittest.TestCase, ReportChecks):
         bag = self.make_bag(lambda topic, message:
                             [(topic.replace("/stereo/", "/pair/"), message)])
         self.check_bag(bag, {})
+
+    def test_one_of_two_cameras(self):
+        def add_rear(topic, message):
+            both = [(topic, message)]
+            if topic.startswith("/stereo/"):
+                rear = copy.deepcopy(message)
+                if topic == "/stereo/right/image_rect":
+                    rear.data = bytes(len(rear.data))
+                both.append((topic.replace("/stereo/", "/rear/"), rear))
+            return both
+        bag = self.make_bag(add_rear)
+        self.check_bag(bag, {})
+        result = run("doctor", bag, "--ns", "rear")
+        self.assertEqual(result.returncode, 1, result.stdout)
+        self.assertIn("/rear/right/image_rect", result.stdout)
+        self.assertNotIn("/stereo/right/image_rect", result.stdout)
 
     def test_what_cannot_be_checked(self):
         none = os.path.join(self.folder, "none.bag")

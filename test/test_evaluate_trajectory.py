@@ -327,6 +327,17 @@ class Formats(FileTest):
         np.testing.assert_allclose(matches.ground_truth[:, 2, 3], [0, 1])
         np.testing.assert_allclose(matches.estimate[:, 2, 3], [0, 1.02])
 
+    def test_slower_ground_truth_is_interpolated(self):
+        """10 Hz of GNSS for a camera of 30 Hz that moves at 10 m/s: a perfect estimate has no error."""
+        known = np.arange(0, 100) / 9.97
+        wanted = np.arange(0, 290) / 30.0
+        poses = [straight_line(2, 1.0)[[0] * len(stamps)] for stamps in (known, wanted)]
+        for trajectory, stamps in zip(poses, (known, wanted)):
+            trajectory[:, 2, 3] = 10.0 * stamps
+        matches = self.match(known, poses[0], wanted, poses[1])
+        self.assertEqual(len(matches.stamps), len(wanted))
+        np.testing.assert_allclose(matches.ground_truth[:, 2, 3], matches.estimate[:, 2, 3], atol=1e-4)
+
     def test_frames_outside_the_ground_truth_or_in_its_gap_are_left_out(self):
         known = np.concatenate([np.arange(10, 20), np.arange(30, 40)])
         ground_truth = straight_line(50, 1.0)[known]

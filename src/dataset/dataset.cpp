@@ -10,6 +10,7 @@
 #include <locale>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <sstream>
 
 #include "dataset/oxts.h"
@@ -93,15 +94,25 @@ std::vector<std::string> listImages(const fs::path& folder) {
   return names;
 }
 
+/// Nothing if a row is not one number. A double has not the digits of nanoseconds since 1970.
+std::optional<long double> parseSeconds(const std::string& row) {
+  std::istringstream text(row);
+  text.imbue(std::locale::classic());
+  long double seconds = 0.0L;
+  std::string rest;
+  if (!(text >> seconds) || text >> rest) return std::nullopt;
+  return seconds;
+}
+
 std::vector<std::int64_t> readKittiStamps(const fs::path& file) {
   std::vector<std::int64_t> stamps;
   for (const std::string& row : readLines(file)) {
-    const std::vector<double> numbers = parseNumbers(row, file);
-    if (numbers.size() != 1 || !(numbers[0] >= 0.0) ||
-        numbers[0] * kNanosecondsPerSecond > static_cast<double>(kMaxStamp_ns)) {
+    const std::optional<long double> seconds = parseSeconds(row);
+    if (!seconds || !(*seconds >= 0.0L) ||
+        *seconds * kNanosecondsPerSecond > static_cast<long double>(kMaxStamp_ns)) {
       fail("file ", quoted(file), " has the row '", row, "', but must hold seconds, one a row");
     }
-    stamps.push_back(std::llround(numbers[0] * kNanosecondsPerSecond));
+    stamps.push_back(std::llround(*seconds * kNanosecondsPerSecond));
   }
   return stamps;
 }

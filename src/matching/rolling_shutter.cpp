@@ -174,7 +174,13 @@ Twist velocityAt(const std::vector<FlowStep>& steps, std::size_t k) {
     four = steps[i].known &&
            std::abs(steps[i].period_s - steps[k].period_s) < kMostChange * steps[k].period_s;
   }
-  if (!four) return sum(k - 1, k, 0.5);
+  if (!four) {
+    const double share = steps[k].period_s / (steps[k - 1].period_s + steps[k].period_s);
+    const Twist before = steps[k - 1].meanTwist();
+    const Twist after = steps[k].meanTwist();
+    return {share * before.velocity + (1.0 - share) * after.velocity,
+            share * before.rotation + (1.0 - share) * after.rotation};
+  }
   const Twist inner = sum(k - 1, k, kInner);
   const Twist outer = sum(k - 2, k + 1, kOuter);
   return {inner.velocity + outer.velocity, inner.rotation + outer.rotation};

@@ -21,9 +21,10 @@ std::vector<std::string> publishedImageTopics() {
   if (!ros::master::getTopics(topics)) return {};
   std::vector<std::string> names;
   for (const ros::master::TopicInfo& topic : topics) {
-    if (topic.datatype == "sensor_msgs/Image" || topic.datatype == "sensor_msgs/CompressedImage") {
+    const bool own = topic.name.find("/features_image") != std::string::npos;  // of the odometry
+    if (!own &&
+        (topic.datatype == "sensor_msgs/Image" || topic.datatype == "sensor_msgs/CompressedImage"))
       names.push_back(topic.name);
-    }
   }
   std::sort(names.begin(), names.end());
   return names;

@@ -19,7 +19,8 @@
 
 namespace point_line_odometry {
 
-/// Image topics that the master knows, raw and compressed; empty if it does not answer.
+/// Image topics that the master knows, raw and compressed, without those of the odometry; empty if
+/// it does not answer.
 std::vector<std::string> publishedImageTopics();
 
 /// True if use_sim_time is set and no /clock has been received.

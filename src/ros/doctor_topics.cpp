@@ -46,7 +46,7 @@ std::string otherTopics(const DoctorFacts& facts, StereoTopic topic) {
 std::string hintForMissing(const DoctorFacts& facts, StereoTopic topic) {
   const TopicFacts& seen = topicOf(facts, topic);
   if (facts.from_bag) {
-    return "record it, or name the topics by --ns, --rectify or remapping" +
+    return "record it, or name the topics by --ns, --rectify or --left-topic" +
            otherTopics(facts, topic);
   }
   if (seen.publishers.value_or(0) > 0) {

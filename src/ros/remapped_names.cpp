@@ -10,6 +10,7 @@ constexpr const char* kNames[] = {
     "left/image_rect",   "left/image_raw",   "left/camera_info",
     "left/mask_image",   "right/image_rect", "right/image_raw",
     "right/camera_info", "right/mask_image", "imu",
+    "prior_odom",
 };
 
 std::string parameterOf(std::string name) {

@@ -23,6 +23,8 @@ void SideBySideNodelet::onInit() {
     start();
   } catch (const std::exception& error) {
     NODELET_FATAL("%s does not start: %s", getName().c_str(), error.what());
+    sides_ = {};  // before the manager frees the queues
+    subscriber_.shutdown();
     throw;
   }
 }

@@ -27,7 +27,11 @@ std::size_t queueCapacity(const NodeParameters& parameters) {
 
 }  // namespace
 
-StereoOdometryNodelet::~StereoOdometryNodelet() {
+StereoOdometryNodelet::~StereoOdometryNodelet() { stop(); }
+
+/// Ends whatever start() has begun, if only in part. The manager frees the queues of a nodelet that
+/// does not start before the nodelet: nothing may be in them then.
+void StereoOdometryNodelet::stop() {
   diagnostics_timer_.stop();
   for (ros::ServiceServer& service : services_) service.shutdown();
   doctor_.reset();
@@ -38,6 +42,11 @@ StereoOdometryNodelet::~StereoOdometryNodelet() {
   if (worker_.joinable()) worker_.join();  // it may subscribe to these until then
   imu_.unsubscribe();
   wheels_.unsubscribe();
+  services_.clear();
+  recorder_.reset();
+  publishers_.reset();
+  diagnostics_.reset();
+  tf_listener_.reset();
 }
 
 void StereoOdometryNodelet::onInit() {
@@ -45,6 +54,7 @@ void StereoOdometryNodelet::onInit() {
     start(loadNodeParameters(getPrivateNodeHandle()));
   } catch (const std::exception& error) {
     NODELET_FATAL("%s does not start: %s", getName().c_str(), error.what());
+    stop();
     throw;
   }
 }
@@ -270,7 +280,7 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
   SourceFacts facts;
   facts.counts = imu_.counts();
   facts.fault = imu_sensor_.fault;
-  facts.timeout = "no sample on topic imu for a second";
+  facts.timeout = "no sample on " + getNodeHandle().resolveName("imu") + " for a second";
   facts.frames_without = processor_->framesWithoutImu();
   facts.newest_s = imu_sensor_.newestAfter(stamp_ns);
   facts.unused["of a frame that tf does not know"] = imu_sensor_.unmounted;
@@ -281,7 +291,15 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
     facts.unused["not finite"] = faults.not_finite;
     facts.unused["saturated"] = faults.saturated;
   }
+  warnIfSilent(facts, &imu_sensor_);
   diagnostics_->noteImu(facts);
+}
+
+/// Once, when a source has been silent for so many frames; /diagnostics says it all the time.
+void StereoOdometryNodelet::warnIfSilent(const SourceFacts& facts, OtherSensor* sensor) const {
+  constexpr int kManyFrames = 30;
+  sensor->silent_frames = facts.counts.alive ? 0 : sensor->silent_frames + 1;
+  if (sensor->silent_frames == kManyFrames) NODELET_WARN("%s", facts.timeout.c_str());
 }
 
 /// The pose of a sensor in the base. Null if it is not known: counted, named, and said in the log.
@@ -329,7 +347,9 @@ void StereoOdometryNodelet::takeWheels(const StereoMessages& messages) {
         },
         [this, stamp_ns] { return processor_->hasWheelsUntil(stamp_ns); });
   }
-  diagnostics_->noteWheels(wheelFacts(stamp_ns));
+  const WheelFacts facts = wheelFacts(stamp_ns);
+  if (!guess_) warnIfSilent(facts, &wheel_sensor_);
+  diagnostics_->noteWheels(facts);
 }
 
 WheelFacts StereoOdometryNodelet::wheelFacts(std::int64_t image_ns) const {
@@ -341,11 +361,13 @@ WheelFacts StereoOdometryNodelet::wheelFacts(std::int64_t image_ns) const {
     facts.counts.received = num_guesses_;
     facts.counts.alive = T_guess_base_.has_value();
     facts.timeout = "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
-                    " at the images' stamps (guess_frame_id)";
+                    " at the images' stamps (guess_frame_id); until then there is none from " +
+                    parameters_.odom_frame_id + " either";
     facts.unused["missing in tf"] = missing_guesses_;
   } else {
     facts.counts = wheels_.counts();
-    facts.timeout = "no pose by wheels (prior_odom) for a second";
+    facts.timeout =
+        "no pose by wheels on " + getNodeHandle().resolveName("prior_odom") + " for a second";
     facts.unused["of a frame that tf does not know"] = wheel_sensor_.unmounted;
   }
   facts.fault = wheel_sensor_.fault;
@@ -363,8 +385,10 @@ void StereoOdometryNodelet::takeGuess(const StereoMessages& messages) {
   T_guess_base_ = guess_->lookUp(stamp);
   if (!T_guess_base_) {
     ++missing_guesses_;
-    NODELET_WARN_THROTTLE(kWarnPeriodS, "no motion prior: tf has no %s -> %s at the image's stamp",
-                          parameters_.guess_frame_id.c_str(), parameters_.base_frame_id.c_str());
+    NODELET_WARN_THROTTLE(
+        kWarnPeriodS, "no motion prior, and no tf from %s: tf has no %s -> %s at the image's stamp",
+        parameters_.odom_frame_id.c_str(), parameters_.guess_frame_id.c_str(),
+        parameters_.base_frame_id.c_str());
     return;
   }
   ++num_guesses_;

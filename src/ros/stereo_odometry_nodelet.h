@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "odometry/adaptive_feature_budget.h"
@@ -55,6 +56,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
 
   void onInit() override;
   void start(const AllParameters& parameters);
+  void stop();
   void offerServices();
   void startRecorder();
 
@@ -78,10 +80,13 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void takeGuess(const StereoMessages& messages);
   /// Where another sensor is on the robot, and what is wrong with that.
   struct OtherSensor {
+    explicit OtherSensor(SensorMounting of_sensor) : mounting(std::move(of_sensor)) {}
+
     SensorMounting mounting;
     std::uint64_t unmounted = 0;            // samples of which that is not known
     std::string fault;                      // of the last sample, empty if there is none
     std::optional<std::int64_t> newest_ns;  // stamp of the last sample
+    int silent_frames = 0;                  // in a row
 
     std::optional<double> newestAfter(std::int64_t stamp_ns) const {
       if (!newest_ns) return std::nullopt;
@@ -90,6 +95,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   };
 
   const Eigen::Isometry3d* poseOf(const std::string& frame, OtherSensor* sensor) const;
+  void warnIfSilent(const SourceFacts& facts, OtherSensor* sensor) const;
   Eigen::Isometry3d lookUpMounting(const std::string& sensor) const;
 
   NodeParameters parameters_;
@@ -113,9 +119,9 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::unique_ptr<MaskBuffer> masks_;
   std::unique_ptr<FrameQueue<QueuedMessages>> queue_;
   ImuInput imu_{"imu"};
-  OtherSensor imu_sensor_{{"imu", look_up_}, 0, {}};
+  OtherSensor imu_sensor_{{"imu", look_up_}};
   WheelInput wheels_{"prior_odom"};
-  OtherSensor wheel_sensor_{{"prior_odom", look_up_}, 0, {}};
+  OtherSensor wheel_sensor_{{"prior_odom", look_up_}};
   std::unique_ptr<TfGuess> guess_;                 // with guess_frame_id
   std::optional<Eigen::Isometry3d> T_guess_base_;  // at the last frame
   std::uint64_t num_guesses_ = 0;

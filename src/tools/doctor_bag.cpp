@@ -43,13 +43,22 @@ DoctorBag::DoctorBag(const std::string& file) : file_(file), tf_(ros::Duration(3
 }
 
 StereoTopics DoctorBag::findTopics(const std::string& name_space, bool rectify) const {
+  const std::string prefix = ros::names::clean("/" + name_space + "/") + "/";
+  const auto topics = [&](bool raw) {
+    return StereoTopics{prefix + stereoTopicName(kLeftImage, raw),
+                        prefix + stereoTopicName(kRightImage, raw)};
+  };
+  const auto has = [&](const StereoTopics& pair) {
+    return images_.count(pair.left) > 0 && images_.count(pair.right) > 0;
+  };
+  if (!rectify && has(topics(false))) return topics(false);
+  if (has(topics(true))) return topics(true);
   try {
     return findStereoTopics(images_);
   } catch (const InputError&) {
-    const std::string prefix = ros::names::clean("/" + name_space + "/") + "/";
-    const bool raw = rectify || images_.count(prefix + "left/image_raw") > 0 ||
-                     images_.count(prefix + "right/image_raw") > 0;
-    return {prefix + stereoTopicName(kLeftImage, raw), prefix + stereoTopicName(kRightImage, raw)};
+    const bool raw =
+        rectify || images_.count(topics(true).left) > 0 || images_.count(topics(true).right) > 0;
+    return topics(raw);
   }
 }
 
@@ -84,7 +93,7 @@ InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& par
 }
 
 std::string DoctorBag::findImu(const StereoTopics& topics) const {
-  const std::string beside = ros::names::clean(
+  std::string beside = ros::names::clean(
       ros::names::parentNamespace(ros::names::parentNamespace(topics.left)) + "/imu");
   if (imus_.count(beside) > 0) return beside;
   return imus_.size() == 1 ? *imus_.begin() : "";

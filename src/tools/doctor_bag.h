@@ -23,7 +23,8 @@ class DoctorBag {
   /// Throws InputError if the file cannot be read.
   explicit DoctorBag(const std::string& file);
 
-  /// The only pair in the bag, or else the one that the nodelet would subscribe to.
+  /// The pair that the nodelet would subscribe to in a namespace, or else the only one in the bag.
+  /// \param rectify raw images are asked for.
   StereoTopics findTopics(const std::string& name_space, bool rectify) const;
 
   std::vector<std::string> imageTopics() const;

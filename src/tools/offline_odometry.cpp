@@ -133,6 +133,9 @@ OfflineRun makeRun(StereoSource& source, const Options& options, RecordingReplay
     if (replay != nullptr && options.target_ms > 0.0)
       throw InputError(
           "option --target-frame-time cannot be used for a recording: it is replayed exactly");
+    if (replay != nullptr && options.scale != 1.0)
+      throw InputError(
+          "option --scale cannot be used for a recording: its state is of the recorded size");
     run.setTargetFrameTime(options.target_ms);
     if (replay != nullptr && !options.priors.empty())
       throw InputError("option --priors cannot be used for a recording: it has its own");

@@ -92,7 +92,11 @@ void NewFolder::commit() {
   const std::filesystem::path older = part_ / ".replaced";
   if (std::filesystem::exists(folder_)) std::filesystem::rename(folder_, older, error);
   if (!error) std::filesystem::rename(part_, folder_, error);
-  if (error) refuse();
+  if (error) {
+    std::error_code ignored;
+    if (std::filesystem::exists(older)) std::filesystem::rename(older, folder_, ignored);
+    refuse();
+  }
   committed_ = true;
   std::filesystem::remove_all(folder_ / ".replaced", error);
 }
