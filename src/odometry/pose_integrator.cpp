@@ -30,14 +30,9 @@ Eigen::Isometry3d limitedStep(const Eigen::Isometry3d& T_measured,
 }
 
 void PoseIntegrator::reset(const Eigen::Isometry3d& T_odom_camera) {
+  *this = PoseIntegrator();
   T_odom_camera_ = T_odom_previous_ = T_odom_camera;
   start_ = T_odom_camera.translation();
-  covariance_ = correlated_covariance_ = previous_covariance_ = Matrix6d::Zero();
-  velocity_.reset();
-  twist_.setZero();
-  twist_covariance_.setZero();
-  predicted_error_.setZero();
-  predicted_s_ = 0.0;
 }
 
 void PoseIntegrator::continueAt(const Eigen::Isometry3d& T_odom_camera, const Matrix6d& added) {
@@ -47,15 +42,16 @@ void PoseIntegrator::continueAt(const Eigen::Isometry3d& T_odom_camera, const Ma
     missed = predictionCovariance(velocity_->value, false, dt_s, dt_s);
   }
   const Eigen::Isometry3d T_before_camera = T_odom_camera_.inverse() * T_odom_camera;
-  for (Matrix6d* covariance : {&covariance_, &correlated_covariance_})
-    *covariance = composeCovariance(T_odom_camera_, *covariance + added, T_before_camera, missed);
-  T_odom_camera_ = T_odom_camera;
-  advance();
-  velocity_.reset();
-  twist_.setZero();
-  twist_covariance_.setZero();
-  predicted_error_.setZero();
-  predicted_s_ = 0.0;
+  const auto composed = [&](const Matrix6d& covariance) {
+    return composeCovariance(T_odom_camera_, covariance + added, T_before_camera, missed);
+  };
+  PoseIntegrator next;
+  next.T_odom_camera_ = T_odom_camera;
+  next.start_ = start_;
+  next.covariance_ = composed(covariance_);
+  next.correlated_covariance_ = composed(correlated_covariance_);
+  next.advance();
+  *this = next;
 }
 
 void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {

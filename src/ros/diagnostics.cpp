@@ -51,9 +51,6 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
   }
 }
 
-// Frames in a row for which samples come that give nothing: not only those of a gap.
-constexpr int kManyFrames = 30;
-
 std::string whyNothing(const SourceFacts& source) {
   std::ostringstream text;
   text << "there are too few of them around the stamps of the images";
@@ -73,7 +70,7 @@ void reportSource(const std::string& name, const SourceFacts& source,
     status->mergeSummary(Level::WARN, source.timeout);
   } else if (!source.fault.empty()) {
     status->mergeSummary(Level::WARN, name + " are not used: " + source.fault);
-  } else if (source.frames_without >= kManyFrames) {
+  } else if (source.frames_without >= SourceFacts::kManyFrames) {
     status->mergeSummary(Level::WARN,
                          name + " come, but give the frames nothing: " + whyNothing(source));
   }

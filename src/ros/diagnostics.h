@@ -21,6 +21,9 @@ namespace point_line_odometry {
 
 /// What is known of a source of motion priors: the IMU.
 struct SourceFacts {
+  /// After so many in a row without anything it is warned of a source: not of a gap.
+  static constexpr int kManyFrames = 30;
+
   SampleCounts counts;
   std::string timeout;  ///< what to say if it is not alive
   std::string fault;    ///< of the frame of its last sample, empty if there is none

@@ -297,9 +297,8 @@ void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
 
 /// Once, when a source has been silent for so many frames; /diagnostics says it all the time.
 void StereoOdometryNodelet::warnIfSilent(const SourceFacts& facts, OtherSensor* sensor) const {
-  constexpr int kManyFrames = 30;
   sensor->silent_frames = facts.counts.alive ? 0 : sensor->silent_frames + 1;
-  if (sensor->silent_frames == kManyFrames) NODELET_WARN("%s", facts.timeout.c_str());
+  if (sensor->silent_frames == SourceFacts::kManyFrames) NODELET_WARN("%s", facts.timeout.c_str());
 }
 
 /// The pose of a sensor in the base. Null if it is not known: counted, named, and said in the log.
