@@ -38,14 +38,18 @@ int main(int argc, char** argv) try {
   std::vector<cv::String> right;
   cv::glob(std::string(argv[1]) + "/*.png", left);
   cv::glob(std::string(argv[2]) + "/*.png", right);
+  if (left.empty() || left.size() != right.size())
+    throw std::runtime_error("the folders must have as many PNG files, and one at least");
   const double period_ns = 1e9 / std::stod(argv[4]);
-  const plo::StereoCamera camera = readCamera(argv[3], readImage(left.at(0)).size());
+  if (!(period_ns > 0.0 && period_ns < 1e15))
+    throw std::runtime_error("FRAMES_PER_SECOND must be more than 0");
+  const plo::StereoCamera camera = readCamera(argv[3], readImage(left[0]).size());
   plo::StereoOdometry odometry(camera, plo::Parameters());
   std::cout.precision(9);
   for (std::size_t i = 0; i < left.size(); ++i) {
     const auto stamp_ns = static_cast<std::int64_t>(period_ns * static_cast<double>(i));
     const plo::FrameResult result =
-        odometry.process({readImage(left[i]), readImage(right.at(i)), stamp_ns});
+        odometry.process({readImage(left[i]), readImage(right[i]), stamp_ns});
     if (!result.accepted()) throw std::runtime_error(left[i] + ": " + toString(result.reason));
     const Eigen::Quaterniond q(result.T_odom_camera.linear());
     std::cout << 1e-9 * static_cast<double>(stamp_ns) << ' '

@@ -166,11 +166,9 @@ def format_table(scenes: Dict[str, Scene]) -> str:
 
 def stage_times(infos: List[Any]) -> Dict[str, np.ndarray]:
     """Times of each stage over the frames [ms], and the rest of the total."""
-    times = {name.replace('_', ' '): np.array([info.stage_ms[i] for info in infos])
-             for i, name in enumerate(infos[0].stage_names)}
-    total = np.array([info.total_ms for info in infos])
-    times['rest'] = np.maximum(total - sum(times.values()), 0.0)
-    return times
+    stages = {name: np.array([info.stage_ms[i] for info in infos])
+              for i, name in enumerate(infos[0].stage_names)}
+    return report.parts_of_total(stages, np.array([info.total_ms for info in infos]))
 
 
 def plot_times(infos: List[Any]) -> Any:

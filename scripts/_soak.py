@@ -77,7 +77,6 @@ class Camera:
 
     def __init__(self, injector: Injector) -> None:
         self.quiet = False
-        self.num_frames = 0
         self._injector = injector
         self._publishers = [rospy.Publisher('/stereo/' + name, kind, queue_size=20)
                             for name, kind in self.TOPICS.items()]
@@ -92,7 +91,6 @@ class Camera:
         return self._injector.name
 
     def _take(self, *messages: Any) -> None:
-        self.num_frames += 1
         for frame in self._injector.apply(Frame(*messages), time.monotonic(), self.quiet):
             for publisher, message in zip(self._publishers, frame):
                 if message is not None:
@@ -277,7 +275,10 @@ def soak(options: argparse.Namespace, launch: Any) -> Run:
         elif now - listener.last_answer_s > TIMEOUT_S:
             ended = f'no answer for {TIMEOUT_S:.0f} s, after the fault: {camera.fault}'
         else:
-            operator.act(now, camera.quiet)
+            try:
+                operator.act(now, camera.quiet)
+            except rospy.ServiceException as error:
+                ended = f'a service of the odometry failed: {error}'
             if not samples or now - begin - samples[-1].time_s >= SAMPLE_S:
                 samples.append(sample(pid, now - begin))
                 show(samples[-1], listener, end - now)
@@ -328,11 +329,13 @@ def main(arguments: Optional[List[str]] = None) -> int:
     options = parse_arguments(arguments)
     folder = tempfile.mkdtemp(prefix='point_line_soak_')
     try:
+        if options.samples:
+            write_samples(options.samples, [])  # before the long run, whether it can be written
         seen = run(options, folder)
         text, passed = report(seen)
         if options.samples:
             write_samples(options.samples, seen.samples)
-    except (SoakError, rospy.ServiceException) as error:
+    except (SoakError, OSError) as error:
         print(f'soak: {error}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:

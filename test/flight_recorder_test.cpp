@@ -368,6 +368,19 @@ TEST_F(FlightRecorderTest, KeepsTheNewestOfEachReasonAndRemovesNothingElse) {
   EXPECT_EQ(files().size(), 3 * 3 + 1U);
 }
 
+TEST_F(FlightRecorderTest, KeepsTheRecordingThatAClockSetBackNamesTheOldest) {
+  target_.parameters.recorder.max_files = 2;
+  fs::create_directories(target_.folder());
+  for (const char* name : {"2126-01-01-00-00-00-000-lost.bag", "2126-01-01-00-00-01-000-lost.bag",
+                           "2126-01-01-00-00-02-000-lost.bag.part"})
+    std::ofstream(target_.folder() / name) << "of another run";
+  const RecordingFiles lost = writeRecording(record(1), target_, "lost");
+  EXPECT_TRUE(fs::exists(lost.bag) && fs::exists(lost.yaml) && fs::exists(lost.state));
+  EXPECT_FALSE(fs::exists(target_.folder() / "2126-01-01-00-00-00-000-lost.bag"));
+  EXPECT_TRUE(fs::exists(target_.folder() / "2126-01-01-00-00-01-000-lost.bag"));
+  EXPECT_EQ(files().size(), 4U) << "what an interrupted one has left is removed";
+}
+
 TEST_F(FlightRecorderTest, NothingIsLeftWhenTheDiskIsFull) {
   const Recording recording = record(2);
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);

@@ -411,6 +411,30 @@ TEST(FrameProcessor, CountsFramesForWhichTheSamplesGiveNothing) {
   EXPECT_EQ(processor.framesWithoutImu(), 0);
 }
 
+/// A bag that is played in a loop: its samples come before the first frame that tells of the jump.
+TEST(FrameProcessor, KeepsTheSamplesOfAFrameWithWhichTheClockJumpsBack) {
+  AllParameters parameters;
+  parameters.core.imu.enabled = true;
+  FrameProcessor processor(parameters);
+  const auto drive = [&](double from_s) {
+    std::vector<bool> with_prior;
+    for (int k = 0; k < 3; ++k) {
+      const double stamp_s = from_s + 0.1 * k;
+      processor.announce(std::llround(1e9 * stamp_s));
+      for (int i = k == 0 ? -20 : 1; i <= 20; ++i) {
+        ImuSample sample;
+        sample.stamp_ns = std::llround(1e9 * (stamp_s + 0.005 * i));
+        processor.addImu({sample}, Eigen::Isometry3d::Identity());
+      }
+      with_prior.push_back(processor.process(makeMessages(stamp_s), mounting()).prior.has_value());
+    }
+    return with_prior;
+  };
+  const std::vector<bool> all_but_the_first{false, true, true};
+  EXPECT_EQ(drive(20.0), all_but_the_first);
+  EXPECT_EQ(drive(5.0), all_but_the_first) << "in the second round";
+}
+
 TEST(FrameProcessor, ALateFrameIsNoJumpOfTheClock) {
   for (const std::string policy : {"reset", "keep_pose", "ignore"}) {
     AllParameters parameters = startAt(1.0, 0.0);

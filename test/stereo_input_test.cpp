@@ -111,6 +111,17 @@ TEST_P(StereoInputTest, AMessageWithAWildStampLosesItsOwnFrameOnly) {
   EXPECT_LE(sets_s_.size(), 2 + 2 * wild);
 }
 
+/// A robot that waited for the next frame would always be a frame late.
+TEST_P(StereoInputTest, AFrameIsCompleteWhenItsLastMessageHasCome) {
+  const ros::Duration later(GetParam() ? 0.004 : 0.0);
+  for (std::size_t k = 0; k < 20; ++k) {
+    const ros::Time left(1000.0 + static_cast<double>(k) * kPeriod_s);
+    const ros::Time right = left + later;
+    addFrame({left, right, left, right});
+    EXPECT_EQ(sets_s_.size(), k + 1);
+  }
+}
+
 TEST_P(StereoInputTest, AJumpOfTheClockLosesNoFrame) {
   for (const double to_s : {500.0, 501.0, 50000.0, 20.0, 1.6e9}) addFrames(to_s, 8);
   EXPECT_TRUE(rejected_.empty());

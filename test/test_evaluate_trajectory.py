@@ -100,10 +100,11 @@ def euroc_text(poses, stamps_s, header='#timestamp,p_x [m],p_y,p_z,q_w [],q_x,q_
     return '\n'.join(rows) + '\n'
 
 
-def run_script(*arguments):
+def run_script(*arguments, **environment):
     """The finished process of the script."""
     return subprocess.run(['/usr/bin/python3', SCRIPT, *arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True)
+                          stderr=subprocess.PIPE, universal_newlines=True,
+                          env=dict(os.environ, **environment))
 
 
 class FileTest(unittest.TestCase):
@@ -551,6 +552,29 @@ class Output(FileTest):
             'kitti', 'short', 'ate_m', 'per_frame', 'end_error'})
         for name in ('trajectory.png', 'errors.png'):
             self.check_png(os.path.join(folder, name))
+
+    def test_json_without_matplotlib(self):
+        self.write('matplotlib.py', "raise ImportError('no matplotlib here')\n")
+        folder = os.path.join(self.folder, 'report')
+        process = run_script(*self.arguments, '-o', folder, PYTHONPATH=self.folder)
+        self.assertEqual(process.returncode, 2)
+        self.assertRegex(process.stderr, '^evaluate_trajectory: .*python3-matplotlib')
+        self.assertEqual(os.listdir(folder), ['evaluation.json'])
+
+    def test_uncertainty_by_the_names_of_its_columns(self):
+        names = ['new', 'state', 'stamp_s', 'twist_over_s', *(f'twist_{i}' for i in range(6))]
+        names += [f'{of}_covariance_{i}{j}' for of in ('pose', 'twist')
+                  for i in range(6) for j in range(i, 6)]
+        row = ['?', 'ok', '7.5', '0.1', *'123456', *['4'] * 21, *['9'] * 21]
+        path = self.write('uncertainty.csv', ','.join(names) + '\n' + ','.join(row) + '\n')
+        uncertainty = ev.read_uncertainty(path)
+        self.assertEqual((uncertainty.stamps[0], uncertainty.states), (7.5, ['ok']))
+        np.testing.assert_array_equal(uncertainty.twist, [[1, 2, 3, 4, 5, 6]])
+        np.testing.assert_array_equal(uncertainty.pose_covariance[0], np.full((6, 6), 4.0))
+        np.testing.assert_array_equal(uncertainty.twist_covariance[0], np.full((6, 6), 9.0))
+        path = self.write('short.csv', ','.join(names[:-1]) + '\n' + ','.join(row[:-1]) + '\n')
+        with self.assertRaisesRegex(ev.InputError, 'no column twist_covariance_55'):
+            ev.read_uncertainty(path)
 
     def test_plots_without_any_segment(self):
         folder = os.path.join(self.folder, 'report')

@@ -30,6 +30,7 @@ void RowTimer::measureYardstick(const cv::Mat& image) {
   const std::vector<double>& before_ms = yardstick_times_.wall_ms;
   if (!before_ms.empty() && since_yardstick_ms_ < pace_ * before_ms.back()) return;
   state_->PauseTiming();
+  const SingleThread single_thread;
   const Stopwatch stopwatch;
   yardstick_.detect(image);
   yardstick_times_.add(stopwatch.elapsed());

@@ -349,8 +349,8 @@ std::string driveTable(MemoryProbe* probe, double length_m) {
   const std::size_t num_frames = world.framesForLength(length_m);
   Table table({"driven [m]", "memory [MB]", "peak [MB]", "goal"});
   std::size_t done = 0;
+  MemoryUse use;  // of a drive of few frames some rows have no new one
   for (std::size_t row = 1; row <= kRows; ++row) {
-    MemoryUse use;
     for (; done < num_frames * row / kRows; ++done) {
       throwIfInterrupted();
       use = probe->process(camera, world.render(done));

@@ -16,7 +16,6 @@ namespace {
 
 using Level = diagnostic_msgs::DiagnosticStatus;
 
-constexpr double kWarnPeriodS = 5.0;
 constexpr double kRepeatPeriodS = 60.0;  // of a warning that persists
 constexpr double kShownS = 10.0;         // a rejected stamp, after it was received
 
@@ -172,7 +171,9 @@ void Diagnostics::noteWheels(std::optional<WheelFacts> wheels) {
 void Diagnostics::noteCheck(const std::vector<DoctorLine>& lines) {
   for (const DoctorLine& line : lines) {
     if (line.subject != DoctorSubject::kRectification || !line.failed()) continue;
-    ROS_WARN_STREAM_THROTTLE(kRepeatPeriodS, line.text << "; " << line.hint);
+    if (log_throttle_.passes("rectification", kRepeatPeriodS)) {
+      ROS_WARN_STREAM(line.text << "; " << line.hint);
+    }
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   doctor_lines_ = lines;
@@ -204,8 +205,10 @@ void Diagnostics::watchInput(const StereoSubscriber& subscriber) {
   const bool timed_out = timeout_s > watchdog_timeout_s_;
   const std::string timeout = timed_out ? subscriber.explainTimeout() : std::string();
   if (timed_out) {
-    ROS_WARN_STREAM_THROTTLE(kWarnPeriodS, "no synchronised stereo images for "
-                                               << std::lround(timeout_s) << " s; " << timeout);
+    if (log_throttle_.passes("no synchronised stereo images")) {
+      ROS_WARN_STREAM("no synchronised stereo images for " << std::lround(timeout_s) << " s; "
+                                                           << timeout);
+    }
   }
   const InputFacts input = subscriber.facts();
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -227,6 +230,8 @@ void Diagnostics::reportTracking(Status& status) {
   } else {
     status.summary(levelOf(state_), std::string(toString(state_)) + ": " + toString(reason_));
   }
+  if (!paused_ && counters_.processed > 0 && !timeout_.empty())
+    status.mergeSummary(Level::WARN, "no frame comes any more");
   status.add("rate [1/s]", takeRate());
   status.add("latency [ms]", latency_ms_);
   status.add("processing time [ms]", process_ms_.empty() ? 0.0 : process_ms_.back());

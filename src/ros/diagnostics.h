@@ -13,6 +13,7 @@
 #include "ros/doctor_facts.h"
 #include "ros/doctor_report.h"
 #include "ros/frame_messages.h"
+#include "ros/log_throttle.h"
 #include "ros/node_parameters.h"
 #include "ros/sample_input.h"
 #include "ros/stereo_subscriber.h"
@@ -83,6 +84,8 @@ class Diagnostics {
   double takeRate();
 
   const double watchdog_timeout_s_;
+  LogThrottle log_throttle_;
+
   mutable std::mutex mutex_;  // guards everything below but the updater
   FrameCounters counters_;
   bool paused_ = false;

@@ -10,12 +10,6 @@
 #include "ros/doctor_rules.h"
 
 namespace point_line_odometry {
-namespace {
-
-constexpr double kWarnPeriodS = 5.0;
-
-}  // namespace
-
 std::vector<std::string> publishedImageTopics() {
   ros::master::V_TopicInfo topics;
   if (!ros::master::getTopics(topics)) return {};
@@ -61,7 +55,9 @@ void Doctor::work() {
       measureIfDue();
       if (tick % kTicksPerCheck == 0) checkAndReport();
     } catch (const std::exception& error) {
-      ROS_ERROR_THROTTLE(kWarnPeriodS, "the doctor failed: %s", error.what());
+      if (log_throttle_.passes("the doctor failed")) {
+        ROS_ERROR("the doctor failed: %s", error.what());
+      }
     }
     lock.lock();
   }

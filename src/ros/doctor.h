@@ -14,6 +14,7 @@
 #include "ros/diagnostics.h"
 #include "ros/doctor_checks.h"
 #include "ros/doctor_report.h"
+#include "ros/log_throttle.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_subscriber.h"
 
@@ -67,6 +68,7 @@ class Doctor {
   double next_measurement_s_ = 0.0;
   std::vector<std::string> image_topics_;
   double next_look_s_ = 0.0;
+  LogThrottle log_throttle_;
 
   std::mutex mutex_;
   std::condition_variable stopping_;

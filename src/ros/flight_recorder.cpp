@@ -9,7 +9,6 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kWarnPeriodS = 5.0;
 constexpr double kPollS = 0.1;
 constexpr std::size_t kBytesOfMegabyte = 1000000;
 
@@ -56,7 +55,9 @@ void FlightRecorder::prepare(const FrameStart& start) {
       parameters_ = std::make_shared<const Parameters>(now);
   } catch (const std::exception& error) {
     ring_->clear();
-    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder is reset: %s", error.what());
+    if (log_throttle_.passes("the flight recorder is reset")) {
+      ROS_ERROR("the flight recorder is reset: %s", error.what());
+    }
   }
 }
 
@@ -64,13 +65,17 @@ void FlightRecorder::add(const StereoMessages& messages, const ProcessedFrame& f
   if (!ring_) return;
   try {
     const FrameNames names{target_.parameters.odom_frame_id, target_.parameters.base_frame_id};
-    ring_->add({messages, toOdometry(frame, names), frame.result.state, frame.result.reason,
+    StereoMessages images = messages;
+    images.left_mask = images.right_mask = nullptr;  // those that were used are kept, see below
+    ring_->add({images, toOdometry(frame, names), frame.result.state, frame.result.reason,
                 frame.result.T_odom_camera, frame.T_base_camera * frame.T_header_camera.inverse(),
                 parameters_, frame.masks.left, frame.masks.right, frame.prior, frame.tilt});
     watchForLoss(frame.result.state);
   } catch (const std::exception& error) {
     ring_->clear();
-    ROS_ERROR_THROTTLE(kWarnPeriodS, "the flight recorder is reset: %s", error.what());
+    if (log_throttle_.passes("the flight recorder is reset")) {
+      ROS_ERROR("the flight recorder is reset: %s", error.what());
+    }
   }
 }
 

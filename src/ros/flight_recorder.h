@@ -14,6 +14,7 @@
 
 #include "ros/frame_messages.h"
 #include "ros/frame_ring.h"
+#include "ros/log_throttle.h"
 #include "ros/recording_writer.h"
 
 namespace point_line_odometry {
@@ -51,6 +52,7 @@ class FlightRecorder {
   const std::unique_ptr<FrameRing> ring_;  // null: disabled
   std::shared_ptr<const Parameters> parameters_;
   bool was_lost_ = false;
+  LogThrottle log_throttle_;
   std::optional<Clock::time_point> last_loss_;
 
   std::atomic<bool> writing_loss_{false};

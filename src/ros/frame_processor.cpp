@@ -278,9 +278,8 @@ void FrameProcessor::takeCalibration(Calibration calibration) {
 
 /// A stamp that is older by at most kMaxLateness_s belongs to a late frame, which the core drops.
 void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
-  if (parameters_.node.on_time_jump == "ignore") return;
-  dropSamplesBeforeJump(stamp_ns);
-  if (!last_stamp_ns_) return;
+  announce(stamp_ns);
+  if (parameters_.node.on_time_jump == "ignore" || !last_stamp_ns_) return;
   const double back_s = toSeconds(*last_stamp_ns_ - stamp_ns);
   if (back_s <= kMaxLateness_s) return;
   was_reset_ = parameters_.node.on_time_jump == "reset";
@@ -292,8 +291,9 @@ void FrameProcessor::handleTimeJump(std::int64_t stamp_ns) {
   }
 }
 
-/// Samples of the IMU and the wheels, also if a reset came between them and the jump.
-void FrameProcessor::dropSamplesBeforeJump(std::int64_t stamp_ns) {
+/// Also if a reset came between the samples and the jump.
+void FrameProcessor::announce(std::int64_t stamp_ns) {
+  if (parameters_.node.on_time_jump == "ignore") return;
   if (newest_stamp_ns_ && toSeconds(*newest_stamp_ns_ - stamp_ns) > kMaxLateness_s) {
     newest_stamp_ns_.reset();
     if (gyroscope_) gyroscope_->clear();

@@ -59,6 +59,10 @@ class FrameProcessor {
   /// as before. Throws std::runtime_error if the core returns a number that is not finite.
   ProcessedFrame process(const StereoMessages& messages, const Eigen::Isometry3d& T_base_header);
 
+  /// To be called before the samples until a frame are added. If the clock jumps back with the
+  /// frame, samples from before are dropped: the stamps of new ones are as old.
+  void announce(std::int64_t stamp_ns);
+
   /// Takes samples of the IMU, for imu/enabled. \param T_base_imu its pose in the base.
   void addImu(const std::vector<ImuSample>& samples, const Eigen::Isometry3d& T_base_imu);
 
@@ -125,7 +129,6 @@ class FrameProcessor {
   [[noreturn]] void rejectUnconfirmed(const InfoPair& infos) const;
   void takeCalibration(Calibration calibration);
   void handleTimeJump(std::int64_t stamp_ns);
-  void dropSamplesBeforeJump(std::int64_t stamp_ns);
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
   void continueOdometry();

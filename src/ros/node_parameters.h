@@ -83,7 +83,8 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
       "approximate_sync", p.approximate_sync,
       "pair left and right images whose stamps differ; only for cameras without a common trigger");
   visit("approximate_sync_max_interval_s", p.approximate_sync_max_interval_s, 0.0, 1.0, "s",
-        "largest difference of stamps within such a pair");
+        "largest difference of stamps within such a pair; with more than half of it a pair waits "
+        "for the next one");
   visit("queue_size", p.queue_size, 1, 1000, "frames",
         "pairs that may wait while the odometry is busy; the oldest is dropped first");
   visit("image_transport", p.image_transport,

@@ -3,6 +3,7 @@
 #include <image_transport/image_transport.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/PointCloud2.h>
+#include <tf2_msgs/TFMessage.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <boost/make_shared.hpp>
@@ -15,6 +16,7 @@ namespace point_line_odometry {
 namespace {
 
 constexpr std::uint32_t kQueueSize = 10;
+constexpr std::uint32_t kTfQueueSize = 100;  // as tf2_ros::TransformBroadcaster
 
 /// True if the camera has moved far enough for another set of segments.
 bool movedOn(const Eigen::Isometry3d& T_odom_a, const Eigen::Isometry3d& T_odom_b) {
@@ -47,7 +49,11 @@ Publishers::Publishers(ros::NodeHandle nh, const NodeParameters& parameters)
       points_(nh.advertise<sensor_msgs::PointCloud2>("points", 1)),
       features_(nh.advertise<StereoFeatures>("features", kQueueSize)),
       info_(nh.advertise<OdometryInfo>("info", kQueueSize)),
-      features_image_(image_transport::ImageTransport(nh).advertise("features_image", 1)) {}
+      features_image_(image_transport::ImageTransport(nh).advertise("features_image", 1)) {
+  // By this handle, and so with the node's remappings, which a TransformBroadcaster does not know
+  // in a nodelet.
+  if (parameters.publish_tf) tf_ = nh.advertise<tf2_msgs::TFMessage>("/tf", kTfQueueSize);
+}
 
 void Publishers::publish(const ProcessedFrame& frame, const FrameCounters& counters,
                          double latency_ms) {
@@ -75,16 +81,20 @@ void Publishers::publishPose(const ProcessedFrame& frame) {
 /// With guess_frame_id, which is the parent of the base, odom is the parent of that. Where tf does
 /// not know the base in it, its last pose in odom is kept.
 void Publishers::publishTransform(const ProcessedFrame& frame) {
+  const auto publish = [this](geometry_msgs::TransformStamped transform) {
+    tf2_msgs::TFMessage message;
+    message.transforms.push_back(std::move(transform));
+    tf_.publish(message);
+  };
   if (!usesTfGuess(parameters_)) {
-    broadcaster_.sendTransform(toTransformStamped(frame, names_, parameters_.invert_tf));
+    publish(toTransformStamped(frame, names_, parameters_.invert_tf));
     return;
   }
   const Eigen::Isometry3d T_odom_base = frame.T_odom_base();
   if (frame.T_guess_base) T_odom_guess_ = T_odom_base * frame.T_guess_base->inverse();
   if (!T_odom_guess_) return;
-  broadcaster_.sendTransform(toTransformStamped(frame, {names_.odom, parameters_.guess_frame_id},
-                                                parameters_.invert_tf,
-                                                T_odom_guess_->inverse() * T_odom_base));
+  publish(toTransformStamped(frame, {names_.odom, parameters_.guess_frame_id},
+                             parameters_.invert_tf, T_odom_guess_->inverse() * T_odom_base));
 }
 
 void Publishers::publishPath(const ProcessedFrame& frame) {

@@ -4,7 +4,6 @@
 #include <image_transport/publisher.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
-#include <tf2_ros/transform_broadcaster.h>
 
 #include <Eigen/Geometry>
 #include <deque>
@@ -46,7 +45,7 @@ class Publishers {
   ros::Publisher features_;
   ros::Publisher info_;
   image_transport::Publisher features_image_;
-  tf2_ros::TransformBroadcaster broadcaster_;
+  ros::Publisher tf_;
 
   std::optional<Eigen::Isometry3d> T_odom_guess_;  // the last one, with guess_frame_id
   std::deque<geometry_msgs::PoseStamped> poses_;

@@ -203,19 +203,27 @@ std::string formatYaml(const Recording& recording, const RecordingTarget& target
   return out.str();
 }
 
-/// Removes the oldest recordings of a reason.
-void prune(const fs::path& folder, const std::string& reason, std::size_t keep) {
-  const std::regex pattern("(\\d{4}(-\\d\\d){5}-\\d{3}-" + reason + ")\\.(bag|yaml|state)");
+/// Removes the oldest recordings of a reason but the newest one, which by a clock that was set back
+/// may seem to be older, and what is left of one that was interrupted.
+void prune(const fs::path& folder, const std::string& reason, const std::string& newest,
+           std::size_t keep) {
+  const std::regex pattern("(\\d{4}(-\\d\\d){5}-\\d{3}-" + reason +
+                           ")\\.(bag|bag\\.part|yaml|state)");
   std::vector<std::string> names;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const std::string file = entry.path().filename().string();
     std::smatch match;
-    if (std::regex_match(file, match, pattern)) names.push_back(match[1]);
+    if (!std::regex_match(file, match, pattern) || match[1] == newest) continue;
+    if (match[3] == "bag.part") {
+      fs::remove(entry.path(), error);
+    } else {
+      names.push_back(match[1]);
+    }
   }
   std::sort(names.begin(), names.end());
   names.erase(std::unique(names.begin(), names.end()), names.end());
-  const std::size_t too_many = names.size() > keep ? names.size() - keep : 0;
+  const std::size_t too_many = names.size() >= keep ? names.size() + 1 - keep : 0;
   for (std::size_t i = 0; i < too_many; ++i) {
     for (const char* ending : {".bag", ".yaml", ".state"})
       fs::remove(folder / (names[i] + ending), error);
@@ -234,7 +242,7 @@ RecordingFiles writeAll(const Recording& recording, const RecordingTarget& targe
   writeFile(files.state, recording.start->state, &unfinished);
   writeFile(files.yaml, formatYaml(recording, target, files, reason), &unfinished);
   unfinished.keep();
-  prune(folder, reason, static_cast<std::size_t>(target.parameters.recorder.max_files));
+  prune(folder, reason, name, static_cast<std::size_t>(target.parameters.recorder.max_files));
   return files;
 }
 

@@ -14,7 +14,6 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kQueueSize = 5;
-constexpr double kReportPeriod_s = 5.0;
 
 }  // namespace
 
@@ -46,7 +45,10 @@ void SideBySideNodelet::start() {
   }
   const image_transport::TransportHints hints(own.param<std::string>("image_transport", "raw"),
                                               ros::TransportHints(), own);
-  subscriber_ = transport.subscribe("image_raw", kQueueSize, &SideBySideNodelet::take, this, hints);
+  // Names are remapped when they are subscribed to, except by the transports that add to them.
+  const bool remap_here = hints.getTransport() != "raw";
+  subscriber_ = transport.subscribe(remap_here ? nh.resolveName("image_raw") : "image_raw",
+                                    kQueueSize, &SideBySideNodelet::take, this, hints);
 }
 
 /// An exception that left this callback would end every nodelet of the manager.
@@ -56,7 +58,9 @@ void SideBySideNodelet::take(const sensor_msgs::ImageConstPtr& image) {
     publish(sides_[0], halves[swap_ ? 1 : 0]);
     publish(sides_[1], halves[swap_ ? 0 : 1]);
   } catch (const std::exception& error) {
-    NODELET_ERROR_THROTTLE(kReportPeriod_s, "message rejected: %s", error.what());
+    if (log_throttle_.passes("message rejected")) {
+      NODELET_ERROR("message rejected: %s", error.what());
+    }
   }
 }
 

@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 
+#include "ros/log_throttle.h"
+
 namespace point_line_odometry {
 
 /// Cuts the images of a camera that shows both sides in one (topic `image_raw`) in two and
@@ -36,6 +38,7 @@ class SideBySideNodelet : public nodelet::Nodelet {
   std::array<Side, 2> sides_;
   image_transport::Subscriber subscriber_;
   bool swap_ = false;
+  LogThrottle log_throttle_;
 };
 
 }  // namespace point_line_odometry

@@ -17,8 +17,6 @@ namespace {
 /// Messages that may have been in transport when all topics stopped.
 constexpr std::uint64_t kFewMessages = 3;
 
-constexpr double kWarnPeriodS = 5.0;
-
 constexpr std::size_t kRemembered = 32;  // latest stamps and times of a topic
 
 template <typename Value>
@@ -65,7 +63,12 @@ void StereoInput::makeSynchronizer() {
   waiting_.fill(false);
   if (parameters_.approximate_sync) {
     near_ = std::make_unique<message_filters::Synchronizer<NearPolicy>>(NearPolicy(queue_size));
-    near_->setMaxIntervalDuration(ros::Duration(parameters_.approximate_sync_max_interval_s));
+    // Images of a camera are further apart than those of a pair may be. If the policy did not know,
+    // it would wait for the next pair, to see whether one of its images is nearer.
+    const ros::Duration max_interval(parameters_.approximate_sync_max_interval_s);
+    near_->setMaxIntervalDuration(max_interval);
+    for (std::size_t i = 0; i < kNumStereoTopics; ++i)
+      near_->setInterMessageLowerBound(static_cast<int>(i), max_interval);
     near_->registerCallback(&StereoInput::completed, this);
   } else {
     exact_ = std::make_unique<message_filters::Synchronizer<ExactPolicy>>(ExactPolicy(queue_size));
@@ -108,9 +111,10 @@ void StereoInput::add(const boost::shared_ptr<const Message>& message, double ar
     follow(kTopic, filters_[topic].add(stamp, ros::Time::now(),
                                        [this, message] { synchronise<topic>(message); }));
   } catch (const std::exception& error) {
-    ROS_ERROR_THROTTLE(kWarnPeriodS,
-                       "images and camera_infos that waited for their partners are dropped: %s",
-                       error.what());
+    if (log_throttle_.passes("dropped")) {
+      ROS_ERROR("images and camera_infos that waited for their partners are dropped: %s",
+                error.what());
+    }
     makeSynchronizer();
   }
 }
@@ -129,8 +133,10 @@ void StereoInput::synchronise(const boost::shared_ptr<const Message>& message) {
 void StereoInput::follow(StereoTopic topic, const StampFilter::Decision& decision) {
   for (const StampFilter::Rejection& rejection : decision.rejected) reject(topic, rejection);
   if (decision.jump_s) {
-    ROS_WARN_THROTTLE(kWarnPeriodS, "stamps on %s have jumped by %.3f s",
-                      arrivals_[topic].name.c_str(), *decision.jump_s);
+    if (log_throttle_.passes("jump")) {
+      ROS_WARN("stamps on %s have jumped by %.3f s", arrivals_[topic].name.c_str(),
+               *decision.jump_s);
+    }
     if (waiting_[topic]) makeSynchronizer();
   }
   for (const StampFilter::Deliver& deliver : decision.passed) {
@@ -141,7 +147,9 @@ void StereoInput::follow(StereoTopic topic, const StampFilter::Decision& decisio
 
 void StereoInput::reject(StereoTopic topic, const StampFilter::Rejection& rejection) {
   const std::string text = arrivals_[topic].name + ": " + rejection.text();
-  ROS_WARN_THROTTLE(kWarnPeriodS, "message rejected: %s", text.c_str());
+  if (log_throttle_.passes("message rejected")) {
+    ROS_WARN("message rejected: %s", text.c_str());
+  }
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     ++rejected_since_set_;

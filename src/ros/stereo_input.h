@@ -17,6 +17,7 @@
 #include <string>
 
 #include "ros/frame_processor.h"
+#include "ros/log_throttle.h"
 #include "ros/node_parameters.h"
 #include "ros/stamp_filter.h"
 
@@ -118,6 +119,7 @@ class StereoInput {
   const NodeParameters parameters_;
   const Callback callback_;
   const RejectionCallback rejected_;
+  LogThrottle log_throttle_;
 
   mutable std::mutex mutex_;  // guards the members that facts() reads
   std::array<Arrivals, kNumStereoTopics> arrivals_;

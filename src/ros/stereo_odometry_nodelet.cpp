@@ -13,16 +13,12 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kWarnPeriodS = 5.0;
 constexpr double kDiagnosticsPeriodS = 1.0;
 constexpr std::chrono::milliseconds kTransformRetry{20};
 constexpr std::chrono::milliseconds kMaskRetry{2};
 
-/// Pairs that may wait: those of the parameter, and those that wait for their masks.
-std::size_t queueCapacity(const NodeParameters& parameters) {
-  const bool masks = expectsMask(parameters, 0) || expectsMask(parameters, 1);
-  return static_cast<std::size_t>(parameters.queue_size) +
-         (masks ? pairsWhile(parameters.mask_wait_s) : 0);
+bool expectsMasks(const NodeParameters& parameters) {
+  return expectsMask(parameters, 0) || expectsMask(parameters, 1);
 }
 
 }  // namespace
@@ -77,7 +73,11 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
                                        parameters_.base_frame_id);
   }
   enableWheels(parameters.core.wheels.enabled);
-  queue_ = std::make_unique<FrameQueue<QueuedMessages>>(queueCapacity(parameters_));
+  const auto queue_size = static_cast<std::size_t>(parameters_.queue_size);
+  const std::size_t without_masks =
+      expectsMasks(parameters_) ? pairsWhile(parameters_.mask_wait_s) : 0;
+  queue_ = std::make_unique<FrameQueue<QueuedMessages>>(queue_size, queue_size + without_masks,
+                                                        [this] { diagnostics_->noteDropped(); });
   worker_ = std::thread(&StereoOdometryNodelet::work, this);
   offerServices();
   // In the queue of all other callbacks: the thread that runs one of them may release the nodelet
@@ -118,8 +118,7 @@ void StereoOdometryNodelet::startRecorder() {
 }
 
 void StereoOdometryNodelet::takeMessages(const StereoMessages& messages) {
-  if (paused_) return;
-  if (!queue_->push({messages, ros::WallTime::now()})) diagnostics_->noteDropped();
+  if (!paused_) queue_->push({messages, ros::WallTime::now()});
 }
 
 bool StereoOdometryNodelet::reset(Trigger::Request&, Trigger::Response& response) {
@@ -167,8 +166,7 @@ void StereoOdometryNodelet::requestPose(const Eigen::Isometry3d& T_odom_base) {
 
 void StereoOdometryNodelet::work() {
   const auto ready = [this](const QueuedMessages& queued) { return isReady(queued); };
-  const bool masks = expectsMask(parameters_, 0) || expectsMask(parameters_, 1);
-  const auto retry = masks ? kMaskRetry : kTransformRetry;
+  const auto retry = expectsMasks(parameters_) ? kMaskRetry : kTransformRetry;
   while (const auto queued = queue_->popWhen(ready, retry)) {
     processSafely(masks_->withMasks(queued->messages));
   }
@@ -185,18 +183,25 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
     processAndPublish(messages);
   } catch (const MessageError& error) {
     diagnostics_->noteRejected(error.what());
-    NODELET_ERROR_THROTTLE(kWarnPeriodS, "frame rejected: %s", error.what());
+    if (log_throttle_.passes("frame rejected")) {
+      NODELET_ERROR("frame rejected: %s", error.what());
+    }
   } catch (const std::exception& error) {
     diagnostics_->noteException(error.what());
-    NODELET_ERROR_THROTTLE(kWarnPeriodS, "frame skipped after an exception: %s", error.what());
+    if (log_throttle_.passes("frame skipped after an exception")) {
+      NODELET_ERROR("frame skipped after an exception: %s", error.what());
+    }
   } catch (...) {
     diagnostics_->noteException("of an unknown type");
-    NODELET_ERROR_THROTTLE(kWarnPeriodS, "frame skipped after an exception of an unknown type");
+    if (log_throttle_.passes("frame skipped after an exception")) {
+      NODELET_ERROR("frame skipped after an exception of an unknown type");
+    }
   }
 }
 
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   applyRequests();
+  processor_->announce(toNanoseconds(messages.left->header.stamp));
   takeImu(messages);
   takeWheels(messages);
   const auto begin = StageTimer::Clock::now();  // fewer features shorten no wait for samples
@@ -209,14 +214,17 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
     publishers_->clear();
   }
   if (!frame.result.accepted()) {
-    NODELET_WARN_THROTTLE(kWarnPeriodS, "frame dropped: %s", toString(frame.result.reason));
+    if (log_throttle_.passes("frame dropped")) {
+      NODELET_WARN("frame dropped: %s", toString(frame.result.reason));
+    }
   }
   const double latency_ms = latencyMs(frame.header.stamp, ros::Time::now());
   diagnostics_->noteFrame(frame, latency_ms);
   if (frame.result.reason == TrackingReason::kException) {
     diagnostics_->noteException(frame.result.error);
-    NODELET_ERROR_THROTTLE(kWarnPeriodS, "motion predicted after an exception: %s",
-                           frame.result.error.c_str());
+    if (log_throttle_.passes("motion predicted after an exception")) {
+      NODELET_ERROR("motion predicted after an exception: %s", frame.result.error.c_str());
+    }
   }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
   if (frame.result.accepted()) {
@@ -260,7 +268,9 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
         (camera.empty() ? "the camera, the left image's frame_id is empty" : camera) +
         "; publish it with static_transform_publisher or set base_frame_id to the camera's frame";
     diagnostics_->noteWaitingForTransform(text);
-    NODELET_WARN_THROTTLE(kWarnPeriodS, "frames wait: %s (%s)", text.c_str(), error.what());
+    if (log_throttle_.passes("frames wait")) {
+      NODELET_WARN("frames wait: %s (%s)", text.c_str(), error.what());
+    }
     return false;
   }
 }
@@ -316,7 +326,9 @@ const Eigen::Isometry3d* StereoOdometryNodelet::poseOf(const std::string& frame,
                     "' (" + error.what() + ")";
   }
   ++sensor->unmounted;
-  NODELET_WARN_THROTTLE(kWarnPeriodS, "a sample is not used: %s", sensor->fault.c_str());
+  if (log_throttle_.passes("a sample is not used")) {
+    NODELET_WARN("a sample is not used: %s", sensor->fault.c_str());
+  }
   return nullptr;
 }
 
@@ -384,10 +396,11 @@ void StereoOdometryNodelet::takeGuess(const StereoMessages& messages) {
   T_guess_base_ = guess_->lookUp(stamp);
   if (!T_guess_base_) {
     ++missing_guesses_;
-    NODELET_WARN_THROTTLE(
-        kWarnPeriodS, "no motion prior, and no tf from %s: tf has no %s -> %s at the image's stamp",
-        parameters_.odom_frame_id.c_str(), parameters_.guess_frame_id.c_str(),
-        parameters_.base_frame_id.c_str());
+    if (log_throttle_.passes("no motion prior")) {
+      NODELET_WARN("no motion prior, and no tf from %s: tf has no %s -> %s at the image's stamp",
+                   parameters_.odom_frame_id.c_str(), parameters_.guess_frame_id.c_str(),
+                   parameters_.base_frame_id.c_str());
+    }
     return;
   }
   ++num_guesses_;

@@ -25,6 +25,7 @@
 #include "ros/flight_recorder.h"
 #include "ros/frame_processor.h"
 #include "ros/frame_queue.h"
+#include "ros/log_throttle.h"
 #include "ros/mask_buffer.h"
 #include "ros/node_parameters.h"
 #include "ros/publishers.h"
@@ -99,6 +100,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   Eigen::Isometry3d lookUpMounting(const std::string& sensor) const;
 
   NodeParameters parameters_;
+  mutable LogThrottle log_throttle_;
   std::atomic<bool> paused_{false};
   std::mutex request_mutex_;
   std::optional<Eigen::Isometry3d> requested_T_odom_base_;

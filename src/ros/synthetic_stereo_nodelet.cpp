@@ -3,6 +3,7 @@
 #include <image_transport/image_transport.h>
 #include <ros/init.h>
 #include <rosgraph_msgs/Clock.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <cmath>
@@ -78,6 +79,8 @@ void SyntheticStereoNodelet::start(const SyntheticStereoParameters& parameters) 
   names_ = {parameters_.odom_frame_id, parameters_.base_frame_id, parameters_.left_frame_id,
             parameters_.right_frame_id};
   world_ = std::make_unique<SyntheticWorld>(parameters_.world);
+  if (parameters_.length_m > 0.0)
+    parameters_.frames = static_cast<int>(world_->framesForLength(parameters_.length_m));
   time_of_first_frame_ = parameters_.publish_clock ? StampShift(0).toRos(0) : ros::Time::now();
   advertise();
   const CameraCalibration& left = world_->calibration().left;
@@ -110,13 +113,16 @@ void SyntheticStereoNodelet::advertise() {
       nh, names_, static_cast<std::size_t>(parameters_.path_max_length));
   imu_ = nh.advertise<sensor_msgs::Imu>("imu", kImuQueueSize);
   wheels_ = nh.advertise<nav_msgs::Odometry>(kWheelTopic, kImuQueueSize);
-  broadcaster_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
-  std::vector<geometry_msgs::TransformStamped> transforms =
-      toMountingTransforms(world_->calibration(), names_, time_of_first_frame_);
+  // By this node's handle, and so with its remappings, which a StaticTransformBroadcaster does not
+  // know in a nodelet.
+  static_transforms_ = nh.advertise<tf2_msgs::TFMessage>("/tf_static", kQueueSize, true);
+  tf2_msgs::TFMessage static_transforms;
+  std::vector<geometry_msgs::TransformStamped>& transforms = static_transforms.transforms;
+  transforms = toMountingTransforms(world_->calibration(), names_, time_of_first_frame_);
   transforms.push_back(toImuTransform(world_->imu(0).T_imu_camera, names_, time_of_first_frame_));
   transforms.push_back(
       toWheelTransform(world_->wheels(0).T_body_camera, names_, time_of_first_frame_));
-  broadcaster_->sendTransform(transforms);
+  static_transforms_.publish(static_transforms);
   if (parameters_.publish_clock) clock_ = nh.advertise<rosgraph_msgs::Clock>("/clock", kQueueSize);
   if (!parameters_.lockstep_topic.empty()) {
     answers_ = nh.subscribe(parameters_.lockstep_topic, kQueueSize,
@@ -175,7 +181,9 @@ bool SyntheticStereoNodelet::waitToBegin() {
     const std::string missing = missingListeners();
     if (missing.empty()) break;
     if (Clock::now() > patience_ends) {
-      NODELET_INFO_STREAM_THROTTLE(kReportPeriod_s, "waiting to begin until there is " << missing);
+      if (log_throttle_.passes("waiting", kReportPeriod_s)) {
+        NODELET_INFO_STREAM("waiting to begin until there is " << missing);
+      }
     }
     if (!standStillUntil(Clock::now() + kPoll)) return false;
   }
@@ -224,11 +232,12 @@ std::size_t SyntheticStereoNodelet::nextFrame(std::size_t frame) {
   const std::size_t next = frame + static_cast<std::size_t>(late_frames);
   num_skipped_ += next - frame - 1;
   if (num_skipped_ > 0) {
-    NODELET_WARN_STREAM_THROTTLE(kReportPeriod_s, "this computer is too slow to render "
-                                                      << world_->frameRate_hz()
-                                                      << " frames/s: " << num_skipped_ << " of "
-                                                      << next << " frames skipped so far; lower "
-                                                      << "frame_rate_hz, or set publish_clock");
+    if (log_throttle_.passes("too slow", kReportPeriod_s)) {
+      NODELET_WARN_STREAM("this computer is too slow to render "
+                          << world_->frameRate_hz() << " frames/s: " << num_skipped_ << " of "
+                          << next << " frames skipped so far; lower "
+                          << "frame_rate_hz, or set publish_clock");
+    }
   }
   return next;
 }
@@ -242,17 +251,15 @@ void SyntheticStereoNodelet::publish(std::size_t frame, const std::optional<Ster
   publishWheels(frame);
   const StereoCalibration& calibration = world_->calibration();
   if (played_ && played_->side_by_side) {
-    if (!images) return;
     cv::Mat both;
-    cv::hconcat(images->left, images->right, both);
-    publishCamera(cameras_[0], calibration.left, &both, nullptr, stamp);
-    ground_truth_->publish(stamp, poses);
-    return;
+    if (images) cv::hconcat(images->left, images->right, both);
+    publishCamera(cameras_[0], calibration.left, images ? &both : nullptr, nullptr, stamp);
+  } else {
+    publishCamera(cameras_[0], calibration.left, images ? &images->left : nullptr,
+                  images ? &images->left_mask : nullptr, stamp);
+    publishCamera(cameras_[1], calibration.right, images ? &images->right : nullptr,
+                  images ? &images->right_mask : nullptr, stamp);
   }
-  publishCamera(cameras_[0], calibration.left, images ? &images->left : nullptr,
-                images ? &images->left_mask : nullptr, stamp);
-  publishCamera(cameras_[1], calibration.right, images ? &images->right : nullptr,
-                images ? &images->right_mask : nullptr, stamp);
   ground_truth_->publish(stamp, poses);
   if (images && answers_) unanswered_ = stamp;
 }
@@ -337,8 +344,10 @@ bool SyntheticStereoNodelet::waitForAnswer() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopped_ && last_answer_ != stamp && answers_.getNumPublishers() > 0) {
     if (Clock::now() > latest) {
-      NODELET_WARN_THROTTLE(kReportPeriod_s, "no answer on %s to a frame: going on without it",
-                            answers_.getTopic().c_str());
+      if (log_throttle_.passes("no answer", kReportPeriod_s)) {
+        NODELET_WARN("no answer on %s to a frame: going on without it",
+                     answers_.getTopic().c_str());
+      }
       break;
     }
     changed_.wait_for(lock, kPoll);

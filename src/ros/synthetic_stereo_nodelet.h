@@ -5,7 +5,6 @@
 #include <nodelet/nodelet.h>
 #include <ros/publisher.h>
 #include <ros/subscriber.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 
 #include <array>
 #include <chrono>
@@ -20,6 +19,7 @@
 
 #include "ros/camera_messages.h"
 #include "ros/ground_truth_publisher.h"
+#include "ros/log_throttle.h"
 #include "ros/played_camera.h"
 #include "ros/synthetic_stereo_parameters.h"
 #include "world/synthetic_world.h"
@@ -83,7 +83,7 @@ class SyntheticStereoNodelet : public nodelet::Nodelet {
   std::optional<PlayedCamera> played_;
   CameraFrameNames names_;
   std::unique_ptr<SyntheticWorld> world_;
-  std::unique_ptr<tf2_ros::StaticTransformBroadcaster> broadcaster_;
+  ros::Publisher static_transforms_;
   std::unique_ptr<GroundTruthPublisher> ground_truth_;
   std::array<Camera, 2> cameras_;
   ros::Publisher clock_;
@@ -101,6 +101,7 @@ class SyntheticStereoNodelet : public nodelet::Nodelet {
   std::int64_t last_stamp_ns_ = 0;
   std::optional<ros::Time> unanswered_;
   std::size_t num_skipped_ = 0;
+  LogThrottle log_throttle_;
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable changed_;

@@ -28,9 +28,11 @@ void checkFrameNames(const SyntheticStereoParameters& p, std::vector<std::string
 }
 
 void checkTogether(const SyntheticStereoParameters& p, std::vector<std::string>* errors) {
-  if (p.exit_when_done && p.frames == 0) {
-    errors->push_back("exit_when_done needs frames, the number of frames after which to end");
+  if (p.exit_when_done && p.frames == 0 && p.length_m == 0.0) {
+    errors->push_back("exit_when_done needs frames or length, after which to end");
   }
+  if (p.frames != 0 && p.length_m != 0.0)
+    errors->push_back("frames and length are both given, but only one of them can be");
   if (p.rate != 1.0 && !p.publish_clock) {
     errors->push_back("rate needs publish_clock: real time cannot be made faster or slower");
   }

@@ -15,6 +15,7 @@ struct SyntheticStereoParameters {
   std::string as;
   std::string path;
   int frames = 0;
+  double length_m = 0.0;
   bool exit_when_done = false;
   bool wait_for_subscribers = true;
   double delay_s = 0.0;
@@ -40,8 +41,10 @@ void visitSyntheticStereoParameters(AnyParameters& p, Visitor&& visit) {
   visit("path", p.path,
         "file (TUM) of the left camera's trajectory to follow; empty: the scene's own motion");
   visit("frames", p.frames, 0, 1000000000, "", "number of frames after which to stop; 0: endless");
+  visit("length", p.length_m, 0.0, 1e6, "m",
+        "instead of `frames`: distance that the camera travels before it stops; 0: none");
   visit("exit_when_done", p.exit_when_done,
-        "after `frames` frames end the process, with all nodelets in it");
+        "after the last frame end the process, with all nodelets in it");
   visit("wait_for_subscribers", p.wait_for_subscribers,
         "begin when both images and both camera_infos have subscribers");
   visit("delay_s", p.delay_s, 0.0, 3600.0, "s",
