@@ -203,8 +203,8 @@ TEST(Scenes, PlasterIsFlownThroughFastWithFastTurns) {
 TEST(Scenes, MovingCarsFollowTheRoad) {
   const Scene scene = makeStreet(4, {6});
   ASSERT_EQ(scene.movers.size(), 6U);
-  const std::vector<Instance> before = poseMovers(scene, 10.0);
-  const std::vector<Instance> after = poseMovers(scene, 10.1);
+  const std::vector<Instance> before = poseMovers(scene, 10.0, 0.0);
+  const std::vector<Instance> after = poseMovers(scene, 10.1, 0.0);
   for (std::size_t i = 0; i < before.size(); ++i) {
     const Vector3d motion =
         after[i].T_world_object.translation() - before[i].T_world_object.translation();
@@ -214,6 +214,22 @@ TEST(Scenes, MovingCarsFollowTheRoad) {
     EXPECT_EQ(after[i].T_world_object.translation().z(), 0.0);
     // It drives forwards.
     EXPECT_GT(motion.normalized().dot(before[i].T_world_object.linear().col(0)), 0.99);
+  }
+}
+
+TEST(Scenes, TheCameraDrivesThroughNoCar) {
+  constexpr double kLength_m = 4.5;
+  constexpr double kWidth_m = 1.9;
+  for (const std::uint32_t seed : {1U, 2U, 3U}) {
+    const Scene scene = makeStreet(seed, {12});
+    for (double t = 0.0; t < 30.0; t += 0.1) {
+      const Vector3d camera = scene.trajectory.cameraPose(t, 1.0, 1.0).translation();
+      for (const Instance& car : poseMovers(scene, t, scene.trajectory.travelled_m(t, 1.0))) {
+        const Vector3d p = car.T_world_object.inverse() * camera;
+        EXPECT_FALSE(std::abs(p.x()) < 0.5 * kLength_m && std::abs(p.y()) < 0.5 * kWidth_m)
+            << "seed " << seed << " at " << t << " s";
+      }
+    }
   }
 }
 

@@ -151,7 +151,7 @@ TEST(Hill, CarsDriveOverIt) {
   const Scene scene = makeStreet(3, {4, 0.0, 1.0});
   double highest = 0.0;
   for (double t = 0.0; t < 60.0; t += 0.5) {
-    for (const Instance& mover : poseMovers(scene, t)) {
+    for (const Instance& mover : poseMovers(scene, t, 0.0)) {
       const Vector3d position = mover.T_world_object.translation();
       ASSERT_EQ(position.z(), scene.hill.heightAt(position.x()));
       highest = std::max(highest, position.z());

@@ -155,18 +155,18 @@ class Apartment {
     const Eigen::Isometry3d T = uprightPose({middle.x(), middle.y(), 0.0}, yaw);
     const Vector2d size{random_.uniform(1.1, 1.7), random_.uniform(0.6, 0.9)};
     const Material wood = makeMaterial(Pattern::kRough, random_.uniform(0.3, 0.6), 0.2, &random_);
-    constexpr double kNumMatchings = 0.72;
+    constexpr double kTableHeight = 0.72;
     for (const double x : {-0.45, 0.45}) {
       for (const double y : {-0.45, 0.45}) {
         const Vector3d foot(x * size.x(), y * size.y(), 0.0);
-        builder_.addBox({T * uprightPose(foot, 0.0), {0.05, 0.05, kNumMatchings}}, wood, wood);
+        builder_.addBox({T * uprightPose(foot, 0.0), {0.05, 0.05, kTableHeight}}, wood, wood);
       }
     }
-    builder_.addBox({T * uprightPose({0.0, 0.0, kNumMatchings}, 0.0), {size.x(), size.y(), 0.04}},
+    builder_.addBox({T * uprightPose({0.0, 0.0, kTableHeight}, 0.0), {size.x(), size.y(), 0.04}},
                     wood, wood);
     for (int i = 0; i < 3; ++i) {
       const Vector3d spot{random_.uniform(-0.4, 0.4) * size.x(),
-                          random_.uniform(-0.3, 0.3) * size.y(), kNumMatchings + 0.04};
+                          random_.uniform(-0.3, 0.3) * size.y(), kTableHeight + 0.04};
       const Vector3d box{random_.uniform(0.15, 0.4), random_.uniform(0.1, 0.25),
                          random_.uniform(0.1, 0.35)};
       const Material label = makeMaterial(Pattern::kPicture, 0.5, 0.7, {0.4, 0.3}, &random_);

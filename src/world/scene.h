@@ -38,6 +38,7 @@ struct Mover {
   double start_m = 0.0;        ///< arc length at time 0
   double speed_m_s = 0.0;      ///< negative: backwards
   double to_the_left_m = 0.0;  ///< lateral offset from the trajectory
+  double least_gap_m = -1e9;   ///< to the camera behind it: faster than speed_m_s if need be
 };
 
 /// The objects and lights of a world, and the trajectory of a camera in it.
@@ -65,7 +66,7 @@ struct Scene {
   CameraTrajectory trajectory;
 };
 
-/// Instances of the moving objects at a time.
-std::vector<Instance> poseMovers(const Scene& scene, double time_s);
+/// Instances of the moving objects at a time. \param camera_m arc length of the camera.
+std::vector<Instance> poseMovers(const Scene& scene, double time_s, double camera_m);
 
 }  // namespace point_line_odometry::world

@@ -400,6 +400,7 @@ void addMovingCars(int count, Town* town, Scene* scene) {
     mover.to_the_left_m = oncoming ? 2.0 * kLaneOffset : 0.0;
     mover.speed_m_s = oncoming ? -town->random().uniform(6.0, 11.0) : 7.0;
     mover.start_m = oncoming ? 40.0 * (i + 1) : 9.0 + 5.0 * i;
+    if (!oncoming) mover.least_gap_m = 8.0 + 4.0 * i;  // the camera would drive through it
     scene->movers.push_back(mover);
   }
 }

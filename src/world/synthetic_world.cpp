@@ -188,7 +188,9 @@ struct SyntheticWorld::Impl {
   /// Light of the scene that reaches some rows of both cameras at an instant.
   std::vector<cv::Mat> sceneLight(double time_s, const cv::Range& rows) const {
     const Eigen::Isometry3d T_left = T_world_left(time_s);
-    return world::render(scene, world::poseMovers(scene, time_s),
+    const double camera_m =
+        options.path.empty() ? scene.trajectory.travelled_m(time_s, options.speed) : 0.0;
+    return world::render(scene, world::poseMovers(scene, time_s, camera_m),
                          {{&rays[0], T_left, rows}, {&rays[1], T_left * T_left_right, rows}});
   }
 
