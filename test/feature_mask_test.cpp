@@ -116,6 +116,20 @@ TEST(FeatureMask, ALevelsPixelIsMaskedIfOneOfItsPixelsIs) {
   }
 }
 
+/// A mask that stays is reduced for the first frame alone.
+TEST(FeatureMask, CopiesShareTheLevelsThatAreAdded) {
+  const ImagePyramid pyramid(synthetic::frame(0).left, PointParameters());
+  const FeatureMask kept(maskOf(kMasked));
+  FeatureMask of_frame = kept;
+  of_frame.addLevels(pyramid);
+  ASSERT_TRUE(kept.allowsPatch(pyramid.toLevel({300.0F, 200.0F}, 1), 1));
+  for (int octave = 1; octave < static_cast<int>(pyramid.levels.size()); ++octave) {
+    EXPECT_EQ(&kept.ofLevel(octave), &of_frame.ofLevel(octave));
+    EXPECT_EQ(kept.ofLevel(octave).edges().size(),
+              pyramid.levels[static_cast<std::size_t>(octave)].size());
+  }
+}
+
 TEST(FeatureMask, SegmentsAreCut) {
   const FeatureMask mask(maskOf({100, 0, 3, 280}));
   const LineSegment far{{10.0F, 20.0F}, {10.0F, 200.0F}};

@@ -362,6 +362,44 @@ TEST(EstimateMotion, AFewMatchesOfHighLeverageDoNotDetermineIt) {
   }
 }
 
+/// Far points, which tell the rotation, and eight near ones that are wrong together, as those of a
+/// car that turns: without these, nothing of the translation by which they have shifted the others
+/// may be left.
+TEST(EstimateMotion, FarPointsTellTheRotationWhereNearOnesAreWrong) {
+  StereoCamera camera = synthetic::camera();
+  camera.baseline_m = 0.1;
+  constexpr double kSigma_px = 0.2;
+  const Isometry3d motion = synthetic::transform({0.002, 0.01, -0.001}, {0.0, 0.0, -0.3});
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    synthetic::Random random(seed);
+    Correspondences matches;
+    for (int i = 0; i < 60; ++i) {
+      const Vector2d pixel = random.uniform<2>({60.0, 20.0}, {600.0, 300.0});
+      const Vector3d p = backProject(camera, pixel, random.uniform(0.2, 0.9));
+      const TriangulatedPoint far =
+          triangulateFarPoint(camera, pixel, camera.projectRight(p).x(), kSigma_px);
+      matches.points.push_back(matchOf(
+          far, {camera.projectLeft(motion * p) + random.normals<2>(kSigma_px),
+                camera.projectRight(motion * p) + random.normals<2>(kSigma_px), kSigma_px, 0.0}));
+      matches.points.back().far = true;
+    }
+    for (int i = 0; i < 8; ++i) {
+      const Vector3d p = synthetic::visiblePoint(camera, &random);
+      const auto near = triangulatePoint(camera, camera.projectLeft(p), camera.projectRight(p).x(),
+                                         kSigma_px, 0.1);
+      const Vector2d wrong = Vector2d(25.0, 0.0) + random.uniform<2>({-2.0, -2.0}, {2.0, 2.0});
+      matches.points.push_back(
+          matchOf(*near, {camera.projectLeft(motion * p) + wrong,
+                          camera.projectRight(motion * p) + wrong, kSigma_px, 0.0}));
+    }
+    const MotionEstimate estimate = estimateMotion(matches, camera, motion, {});
+    ASSERT_TRUE(estimate.ok()) << seed << " " << toString(estimate.status);
+    EXPECT_GE(estimate.num_point_inliers, 55) << seed;
+    EXPECT_LT(rotationAngle(estimate.T_curr_prev.linear() * motion.linear().transpose()), 1e-3)
+        << seed;
+  }
+}
+
 /// Points of a wall, and eight where an edge of it ends at that of a near one: they have the near
 /// one's depth and follow the far one's rows. All their patches overlap.
 TEST(EstimateMotion, MatchesOfOnePieceOfTheSceneDoNotDetermineIt) {

@@ -114,6 +114,7 @@ TEST(RectifiedCamera, RefusesInvalidProjections) {
   expectRefused([](auto& c) { c.right.P(0, 2) += 3.0; }, "P of the left and right camera differ");
   expectRefused([](auto& c) { c.right.P(0, 3) = 100.0; }, "swap left and right");
   expectRefused([](auto& c) { c.right.P(0, 3) = 0.0; }, "no baseline");
+  expectRefused([](auto& c) { c.left.P(2, 2) = 0.0; }, "third row of P is 0 0 0 0");
   expectRefused([](auto& c) { c.right.width = 320; }, "both must have the same size");
   expectRefused([](auto& c) { c.left.height = 0; }, "left camera: the size is 640 x 0");
 }
@@ -228,6 +229,26 @@ TEST(StereoRectifierTest, UndistortedRectifiedPairIsUnchanged) {
   EXPECT_EQ(rectified.stamp_ns, 7);
   EXPECT_TRUE(rectifier.R_rectified_raw().isIdentity(0.0));
   EXPECT_EQ(rectifier.camera(), rectifiedCamera(makeRectifiedPair()));
+}
+
+/// As with alpha 1 of stereoRectify: pixels beside the raw image are black, and none is of the
+/// scene.
+TEST(StereoRectifierTest, MasksWhatTheRawImageDoesNotShow) {
+  StereoCalibration calibration = makeRectifiedPair();
+  for (CameraCalibration* camera : {&calibration.left, &calibration.right})
+    camera->P(0, 0) = camera->P(1, 1) = 0.8 * kFocal_px;
+  calibration.right.P(0, 3) *= 0.8;
+  const StereoRectifier rectifier(calibration);
+  StereoImages raw = makeNoise(1);
+  raw.left_mask = cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+  raw.left_mask.colRange(0, kWidth / 2).setTo(0);
+  const StereoImages rectified = rectifier.rectify(raw);
+  ASSERT_EQ(rectified.right_mask.size(), rectified.right.size());
+  const double seen = cv::countNonZero(rectified.right_mask);
+  EXPECT_NEAR(seen / (kWidth * kHeight), 0.8 * 0.8, 0.01);
+  EXPECT_EQ(cv::countNonZero(rectified.right & (rectified.right_mask == 0)), 0);
+  EXPECT_NEAR(cv::countNonZero(rectified.left_mask) / seen, 0.5, 0.01);
+  EXPECT_TRUE(StereoRectifier(makeRectifiedPair()).rectify(makeNoise(1)).left_mask.empty());
 }
 
 TEST(StereoRectifierTest, MovesAPatchToItsProjection) {

@@ -412,6 +412,17 @@ TEST(StereoOdometry, OnlyWindowAndMapParametersDiscardTheLandmarks) {
   }
 }
 
+/// Levels of known points would be those of another zoom.
+TEST(StereoOdometry, AnotherPyramidRestartsTracking) {
+  StereoOdometry odometry(kCamera, roomParameters());
+  for (int k = 0; k < 3; ++k) odometry.process(frame(k));
+  Parameters other = roomParameters();
+  other.points.scale_factor = 2.0;
+  odometry.setParameters(other);
+  EXPECT_EQ(odometry.process(frame(3)).reason, TrackingReason::kFirstFrame);
+  EXPECT_EQ(odometry.process(frame(4)).state, TrackingState::kOk);
+}
+
 TEST(StereoOdometry, AnotherDescriptorRestartsTracking) {
   StereoOdometry odometry(kCamera, roomParameters());
   for (int k = 0; k < 3; ++k) odometry.process(frame(k));

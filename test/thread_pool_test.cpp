@@ -2,10 +2,14 @@
 #include "common/thread_pool.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <set>
 #include <stdexcept>
+#include <system_error>
 
 namespace point_line_odometry {
 namespace {
@@ -70,6 +74,25 @@ TEST(ThreadPool, PartsCoverAllInOrder) {
     }
   }
 }
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !defined(__clang__)
+/// In a process of its own, which would wait for ever.
+TEST(ThreadPool, ThrowsIfThereAreNoMoreThreads) {
+  EXPECT_EXIT(
+      {
+        alarm(20);
+        rlimit limit{};
+        limit.rlim_cur = limit.rlim_max = 400U << 20U;  // of memory: each has a stack of 8 MB
+        setrlimit(RLIMIT_AS, &limit);
+        try {
+          const ThreadPool threads(400);
+        } catch (const std::system_error&) {
+          std::_Exit(7);
+        }
+      },
+      ::testing::ExitedWithCode(7), "");
+}
+#endif
 
 TEST(ThreadPool, RethrowsAndContinues) {
   ThreadPool threads(2);

@@ -56,7 +56,8 @@ class StereoRectifier {
   explicit StereoRectifier(const StereoCalibration& calibration);
 
   /// Rectified copies of a raw CV_8UC1 pair of the calibrated size and of its masks (throws
-  /// std::invalid_argument for other sizes).
+  /// std::invalid_argument for other sizes). What the raw image does not show is masked, as with a
+  /// P that keeps all of its pixels (alpha 1 of stereoRectify).
   StereoImages rectify(const StereoImages& raw) const;
 
   /// The camera that would take the rectified images.
@@ -69,6 +70,7 @@ class StereoRectifier {
   struct Maps {
     cv::Mat xy;      // CV_16SC2: integer source pixel
     cv::Mat weight;  // CV_16UC1: index of the interpolation weights
+    cv::Mat seen;    // CV_8UC1: 0 where a pixel is not in the raw image; empty: all are
   };
 
   static cv::Mat rectifyMask(const cv::Mat& raw, const Maps& maps);

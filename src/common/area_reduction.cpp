@@ -43,6 +43,12 @@ struct Coverage {
 };
 
 POINT_LINE_ODOMETRY_CLONES("avx2")
+void setWeighted(const std::uint8_t* __restrict row, float weight, int width,
+                 float* __restrict sums) {
+  for (int x = 0; x < width; ++x) sums[x] = weight * static_cast<float>(row[x]);
+}
+
+POINT_LINE_ODOMETRY_CLONES("avx2")
 void addWeighted(const std::uint8_t* __restrict row, float weight, int width,
                  float* __restrict sums) {
   for (int x = 0; x < width; ++x) sums[x] += weight * static_cast<float>(row[x]);
@@ -74,11 +80,14 @@ cv::Mat areaReduced(const cv::Mat& image, const cv::Size& size) {
   cv::Mat reduced(size, CV_8UC1);
   std::vector<float> sums(static_cast<std::size_t>(image.cols));
   for (int y = 0; y < size.height; ++y) {
-    std::fill(sums.begin(), sums.end(), 0.0F);
     for (int k = 0; k < rows.num_taps; ++k) {
-      if (rows.of(y)[k] == 0.0F) continue;
-      addWeighted(image.ptr<std::uint8_t>(rows.first[static_cast<std::size_t>(y)] + k),
-                  rows.of(y)[k], image.cols, sums.data());
+      const float weight = rows.of(y)[k];
+      const auto* row = image.ptr<std::uint8_t>(rows.first[static_cast<std::size_t>(y)] + k);
+      if (k == 0) {
+        setWeighted(row, weight, image.cols, sums.data());
+      } else if (weight != 0.0F) {
+        addWeighted(row, weight, image.cols, sums.data());
+      }
     }
     auto* out = reduced.ptr<std::uint8_t>(y);
     if (columns.num_taps == 3) {

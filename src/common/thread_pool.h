@@ -15,7 +15,8 @@ namespace point_line_odometry {
 /// each task writes to memory of its own.
 class ThreadPool {
  public:
-  /// \param num_threads at least 1; the thread that calls run() is one of them.
+  /// \param num_threads at least 1; the thread that calls run() is one of them. Throws
+  /// std::system_error if the system has no more.
   explicit ThreadPool(int num_threads);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -39,6 +40,7 @@ class ThreadPool {
 
  private:
   void work();
+  void join();
   void runTasks(std::unique_lock<std::mutex>* lock);
 
   static constexpr int kPartsPerThread = 4;

@@ -20,7 +20,7 @@ struct FastCorner {
 /// bytes for sixteen pixels at once, so that nothing has to be tested twice.
 class FastCorners {
  public:
-  static constexpr int kMinBorder = 20;  ///< pixels around a block of sixteen that are read
+  static constexpr int kMinBorder = 20;  ///< pixels around a corner that are read, in blocks
 
   /// Corners that score higher than their eight neighbours, in reading order. \param image CV_8UC1.
   /// \param border of the image without corners [px]; at least kMinBorder. \param cells that tile

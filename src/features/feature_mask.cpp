@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
@@ -74,6 +75,13 @@ std::optional<LineSegment> longestPiece(const LineSegment& segment, const cv::Ma
 
 }  // namespace
 
+/// Of the image and the coarser levels.
+struct FeatureMask::Levels {
+  std::vector<cv::Mat> visible;
+  std::vector<cv::Mat> patches;          // where patches may be
+  std::map<int, FeatureMask> of_octave;  // those that were asked for
+};
+
 cv::Mat binaryMask(const cv::Mat& mask) { return mask != 0; }
 
 FeatureMask::FeatureMask(const cv::Mat& mask) {
@@ -81,8 +89,9 @@ FeatureMask::FeatureMask(const cv::Mat& mask) {
   visible_ = binaryMask(mask);
   points_ = awayFromMasked(visible_, kPointMargin);
   edges_ = awayFromMasked(visible_, kEdgeMargin);
-  visible_levels_ = {visible_};
-  patches_ = {awayFromMasked(visible_, kPatchMargin)};
+  levels_ = std::make_shared<Levels>();
+  levels_->visible = {visible_};
+  levels_->patches = {awayFromMasked(visible_, kPatchMargin)};
 }
 
 cv::Mat FeatureMask::paint(const cv::Mat& image) const {
@@ -97,24 +106,31 @@ void FeatureMask::addLevels(const ImagePyramid& image) {
   if (empty()) return;
   for (std::size_t i = 1; i < image.levels.size(); ++i) {
     const cv::Size size = image.levels[i].size();
-    if (i < visible_levels_.size() && visible_levels_[i].size() == size) continue;
-    visible_levels_.resize(i);
-    patches_.resize(i);
+    std::vector<cv::Mat>& visible = levels_->visible;
+    if (i < visible.size() && visible[i].size() == size) continue;
+    visible.resize(i);
+    levels_->patches.resize(i);
+    levels_->of_octave.clear();
     cv::Mat mean;
-    cv::resize(visible_levels_[i - 1], mean, size, 0.0, 0.0, cv::INTER_AREA);
-    visible_levels_.emplace_back(mean == kVisible);
-    patches_.push_back(awayFromMasked(visible_levels_[i], kPatchMargin));
+    cv::resize(visible[i - 1], mean, size, 0.0, 0.0, cv::INTER_AREA);
+    visible.emplace_back(mean == kVisible);
+    levels_->patches.push_back(awayFromMasked(visible[i], kPatchMargin));
   }
 }
 
-FeatureMask FeatureMask::ofLevel(int octave) const {
-  return empty() ? FeatureMask() : FeatureMask(visible_levels_[static_cast<std::size_t>(octave)]);
+const FeatureMask& FeatureMask::ofLevel(int octave) const {
+  if (empty()) return *this;
+  const auto found = levels_->of_octave.find(octave);
+  if (found != levels_->of_octave.end()) return found->second;
+  const cv::Mat& visible = levels_->visible[static_cast<std::size_t>(octave)];
+  return levels_->of_octave.emplace(octave, FeatureMask(visible)).first->second;
 }
 
 bool FeatureMask::allowsPatch(const Eigen::Vector2f& level_px, int octave) const {
   if (empty()) return true;
   const auto level = static_cast<std::size_t>(octave);
-  return level < patches_.size() && isSet(patches_[level], level_px.x(), level_px.y());
+  return level < levels_->patches.size() &&
+         isSet(levels_->patches[level], level_px.x(), level_px.y());
 }
 
 bool FeatureMask::hides(const LineSegment& segment) const {

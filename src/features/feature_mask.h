@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -11,7 +12,7 @@ namespace point_line_odometry {
 
 /// Where features may be in an image of which some pixels are ignored. A masked place is what lies
 /// beyond the image's border: features keep the same distance to it, and nothing depends on its
-/// pixels.
+/// pixels. Copies share the levels that one of them adds: a mask that stays is reduced once.
 class FeatureMask {
  public:
   /// [px of a level] distance of patches, and of the corners of coarser levels, to masked pixels:
@@ -44,7 +45,7 @@ class FeatureMask {
   void addLevels(const ImagePyramid& image);
 
   /// The mask of a level as of an image of its own. \param octave of a level that was added.
-  FeatureMask ofLevel(int octave) const;
+  const FeatureMask& ofLevel(int octave) const;
 
   /// Whether a patch, or a corner of a coarser level, may be at a pixel of a level. False outside
   /// of the image.
@@ -61,11 +62,12 @@ class FeatureMask {
   double share() const;
 
  private:
+  struct Levels;
+
   cv::Mat visible_;  // 255, masked pixels 0
   cv::Mat points_;
   cv::Mat edges_;
-  std::vector<cv::Mat> visible_levels_;  // the first is visible_
-  std::vector<cv::Mat> patches_;         // of each level: where patches may be
+  std::shared_ptr<Levels> levels_;  // null if nothing is masked
 };
 
 /// Of both images of a stereo frame.

@@ -125,8 +125,13 @@ std::vector<Keypoint> PointDetector::detectFinest(const cv::Mat& image, const Fe
 }
 
 std::vector<Keypoint> PointDetector::detectCoarser(const ImagePyramid& pyramid, ThreadPool* threads,
-                                                   const FeatureMask& mask) {
-  const std::vector<Keypoint> corners = detectCoarserCorners(pyramid, parameters_, threads, mask);
+                                                   const FeatureMask& mask,
+                                                   const IsWanted& is_wanted) {
+  std::vector<Keypoint> corners = detectCoarserCorners(pyramid, parameters_, threads, mask);
+  if (is_wanted) {
+    const auto is_not = [&is_wanted](const Keypoint& corner) { return !is_wanted(corner); };
+    corners.erase(std::remove_if(corners.begin(), corners.end(), is_not), corners.end());
+  }
   // Descriptors need a wider border than corners, which would be most of a small level.
   constexpr int kPadding = kBorder - kCoarserBorder;
   const Eigen::Vector2f margin(kPadding, kPadding);

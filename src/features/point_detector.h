@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -19,6 +20,8 @@ namespace point_line_odometry {
 /// Rublee et al. 2011), whose pattern points/descriptor selects.
 class PointDetector {
  public:
+  using IsWanted = std::function<bool(const Keypoint&)>;
+
   explicit PointDetector(const PointParameters& parameters);
   PointDetector(PointDetector&&) noexcept;
   PointDetector& operator=(PointDetector&&) noexcept;
@@ -31,8 +34,10 @@ class PointDetector {
   /// Those of the finest level only, and those of all others.
   /// \param mask with the levels of the pyramid.
   std::vector<Keypoint> detectFinest(const cv::Mat& image, const FeatureMask& mask = {});
+  /// \param is_wanted whether a corner, which has no descriptor yet, is kept.
   std::vector<Keypoint> detectCoarser(const ImagePyramid& pyramid, ThreadPool* threads = nullptr,
-                                      const FeatureMask& mask = {});
+                                      const FeatureMask& mask = {},
+                                      const IsWanted& is_wanted = nullptr);
 
  private:
   struct Scratch;

@@ -74,11 +74,11 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   return features;
 }
 
-std::vector<Keypoint> StereoFeatureDetector::detectCoarserPoints(const ImagePyramid& image,
-                                                                 ThreadPool* threads,
-                                                                 const FeatureMask& mask) {
+std::vector<Keypoint> StereoFeatureDetector::detectCoarserPoints(
+    const ImagePyramid& image, ThreadPool* threads, const FeatureMask& mask,
+    const PointDetector::IsWanted& is_wanted) {
   if (!points_enabled_) return {};
-  return point_detectors_[0].detectCoarser(image, threads, mask);
+  return point_detectors_[0].detectCoarser(image, threads, mask, is_wanted);
 }
 
 DetectedFeatures StereoFeatureDetector::detectCoarserLines(const ImagePyramid& left,

@@ -31,9 +31,10 @@ class StereoFeatureDetector {
 
   /// Keypoints of the coarser levels of an image, which detect() leaves out: noise is averaged
   /// out there, and blurred texture has corners.
-  /// \param mask with the levels of the pyramid.
+  /// \param mask with the levels of the pyramid. \param is_wanted as PointDetector's.
   std::vector<Keypoint> detectCoarserPoints(const ImagePyramid& image, ThreadPool* threads,
-                                            const FeatureMask& mask = {});
+                                            const FeatureMask& mask,
+                                            const PointDetector::IsWanted& is_wanted);
 
   /// The lines of both images in a coarser level, where the noise of an edge is less than its
   /// contrast; none if the images have no such level. \param masks with the levels of the pyramids.

@@ -77,6 +77,10 @@ void requireProjection(const CameraCalibration& camera, const char* side) {
     refuseCalibration(side, " camera: P has focal lengths ", P(0, 0), " and ", P(1, 1),
                       ", but they must be above 0: calibrate the stereo pair");
   }
+  if (!P.row(2).isApprox(Eigen::RowVector4d(0.0, 0.0, 1.0, 0.0))) {
+    refuseCalibration(side, " camera: the third row of P is ", P.row(2),
+                      ", but must be 0 0 1 0: calibrate the stereo pair");
+  }
 }
 
 Eigen::Matrix2Xd rawPixels(const CameraCalibration& camera, const Eigen::Matrix2Xd& rectified) {

@@ -142,12 +142,21 @@ StereoRectifier::StereoRectifier(const StereoCalibration& calibration)
     } else {
       cv::initUndistortRectifyMap(raw.K, raw.D, R, P, size, CV_16SC2, maps_[i].xy, maps_[i].weight);
     }
+    const cv::Mat all(size, CV_8UC1, cv::Scalar(255));
+    cv::Mat mean;
+    cv::remap(all, mean, maps_[i].xy, maps_[i].weight, cv::INTER_LINEAR, cv::BORDER_CONSTANT);
+    const cv::Mat seen = mean == 255;
+    // No feature lies so near to the border that it is seen by a few pixels there.
+    constexpr int kRim = 4;
+    const cv::Rect inner = cv::Rect(kRim, kRim, size.width - 2 * kRim, size.height - 2 * kRim) &
+                           cv::Rect({0, 0}, size);
+    if (cv::countNonZero(seen(inner)) < inner.area()) maps_[i].seen = seen;
   }
 }
 
-/// A pixel is 0 if it is interpolated from one that is.
+/// A pixel is 0 if it is interpolated from one that is, or from none.
 cv::Mat StereoRectifier::rectifyMask(const cv::Mat& raw, const Maps& maps) {
-  if (raw.empty()) return {};
+  if (raw.empty()) return maps.seen;
   if (raw.type() != CV_8UC1 || raw.size() != maps.xy.size()) {
     refuseCalibration("a mask to be rectified is ", raw.cols, " x ", raw.rows, " with ",
                       raw.channels(), " channel(s) of ", 8 * raw.elemSize1(),
@@ -157,7 +166,8 @@ cv::Mat StereoRectifier::rectifyMask(const cv::Mat& raw, const Maps& maps) {
   cv::Mat mean;
   cv::remap(raw != 0, mean, maps.xy, maps.weight, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
             cv::Scalar(255));
-  return mean == 255;
+  const cv::Mat allowed = mean == 255;
+  return maps.seen.empty() ? allowed : cv::Mat(allowed & maps.seen);
 }
 
 StereoImages StereoRectifier::rectify(const StereoImages& raw) const {

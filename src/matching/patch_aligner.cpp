@@ -122,11 +122,10 @@ void PatchAligner::prepare(const WidePatch& wide) {
   centre(&gy_);
   const std::array<const Patch*, 2> J{&gx_, &gy_};
   Jt_template_ = vectorOf(dots(J, brightness_));
-  Eigen::Matrix2f hessian;
-  hessian << vectorOf(dots(J, gx_)), vectorOf(dots(J, gy_));
-  const float trace = hessian.trace();
-  usable_ = hessian.determinant() > 1e-3F * trace * trace && trace > kArea;
-  if (usable_) inverse_hessian_ = hessian.inverse();
+  hessian_ << vectorOf(dots(J, gx_)), vectorOf(dots(J, gy_));
+  const float trace = hessian_.trace();
+  usable_ = hessian_.determinant() > 1e-3F * trace * trace && trace > kArea;
+  if (usable_) inverse_hessian_ = hessian_.inverse();
 }
 
 std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
@@ -188,9 +187,12 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   for (Patch& values : J_slope) centre(&values);
   const std::array<const Patch*, 4> J{&gx_, &gy_, J_slope.data(), &J_slope[1]};
   constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
-  const Eigen::Vector4f Jt_template = vectorOf(dots(J, brightness_));
+  Eigen::Vector4f Jt_template;
+  Jt_template << Jt_template_, vectorOf(dots<2>({J_slope.data(), &J_slope[1]}, brightness_));
   Eigen::Matrix4f hessian;
-  for (int i = 0; i < 4; ++i) hessian.col(i) = vectorOf(dots(J, *J[i]));
+  hessian.topLeftCorner<2, 2>() = hessian_;
+  for (int i = 2; i < 4; ++i) hessian.col(i) = vectorOf(dots(J, *J[i]));
+  hessian.bottomLeftCorner<2, 2>() = hessian.topRightCorner<2, 2>().transpose();
   hessian(2, 2) += kPrior;
   hessian(3, 3) += kPrior;
   const Eigen::Matrix4f inverse_hessian = hessian.inverse();

@@ -61,6 +61,7 @@ class PatchAligner {
   float variance_ = 1.0F;  // of the brightness
   float mean_gx_ = 0.0F;
   Eigen::Vector2f Jt_template_;  // products of the gradients and the brightness
+  Eigen::Matrix2f hessian_ = Eigen::Matrix2f::Zero();
   Eigen::Matrix2f inverse_hessian_ = Eigen::Matrix2f::Zero();
   bool usable_ = false;
 };

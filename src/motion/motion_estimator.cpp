@@ -183,6 +183,7 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   const bool has_both = matches.near > 0 && matches.near < matches.all;
   const auto solveWithoutNear = [&] {
     problem->dropNear();
+    problem->linearizeInformation(start);  // those that are dropped have shifted the far ones
     return solveTwice(start, parameters, {matches.all - matches.near, 0}, problem);
   };
   if (has_both && !areEnough(inliers.near, matches.near, parameters)) return solveWithoutNear();

@@ -129,12 +129,9 @@ void trackPoints(const TrackingStart& start, const FrameContext& context, Thread
 
 void detectPoints(StereoFeatureDetector* detector, const FrameContext& context, ThreadPool* threads,
                   CoarserPairs* pairs) {
-  std::vector<Keypoint> corners =
-      detector->detectCoarserPoints(context.left, threads, context.masks.left);
-  corners.erase(
-      std::remove_if(corners.begin(), corners.end(),
-                     [&](const Keypoint& corner) { return !pairs->reserve(corner.pixel); }),
-      corners.end());
+  const std::vector<Keypoint> corners = detector->detectCoarserPoints(
+      context.left, threads, context.masks.left,
+      [pairs](const Keypoint& corner) { return pairs->reserve(corner.pixel); });
   const std::vector<std::optional<Eigen::Vector2f>> partners = matchStereoByCorrelation(
       corners, context.left, context.right, context.masks, context.parameters.matching, threads);
   for (std::size_t i = 0; i < corners.size(); ++i) {

@@ -145,7 +145,7 @@ TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
   if (!history_.map || curr.points.size() < kMinConsensus) return tracked;
   const LocalMap& map = *history_.map;
   const std::optional<MotionConsensus> consensus =
-      findConsensus(matchWholeImage(referencePoints(map), curr), context_.camera);
+      findConsensus(matchWholeImage(referencePoints(map), curr, threads_), context_.camera);
   std::optional<Eigen::Isometry3d> T_curr_previous;
   if (consensus) T_curr_previous = consensus->T_curr_prev;
   // The consensus is accurate to a few pixels, so that the first round finds only some landmarks.
@@ -217,8 +217,8 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
   TrackingResult tracked = matchAndEstimateNear(earlier, curr, expected, stages, threads);
   if (!parameters_.matching.wide_search) return tracked;
   if (shareFound(earlier, context_.camera, tracked) >= kShareFound) return tracked;
-  if (const auto consensus =
-          findConsensus(matchWholeImage(referencePoints(earlier, false), curr), context_.camera)) {
+  if (const auto consensus = findConsensus(
+          matchWholeImage(referencePoints(earlier, false), curr, threads), context_.camera)) {
     const Expectation by_appearance{{consensus->T_curr_prev, radius_px}, expected.prior};
     tracked = better(std::move(tracked),
                      matchAndEstimateNear(earlier, curr, by_appearance, stages, threads), earlier,
@@ -234,7 +234,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
   }
   if (tracked.frame_to_frame.ok()) return tracked;
   const std::optional<MotionConsensus> turned =
-      findRotation(matchWholeImage(referencePoints(earlier, true), curr), context_.camera,
+      findRotation(matchWholeImage(referencePoints(earlier, true), curr, threads), context_.camera,
                    expected.prediction.T_curr_prev.inverse().translation());
   if (!turned) return tracked;
   const Expectation by_far{{turned->T_curr_prev, kRadiusOfRotation * radius_px}, expected.prior};
@@ -261,10 +261,11 @@ TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retri
 
 /// The points that match by appearance.
 std::vector<PointCorrespondence> FrameTracker::matchWholeImage(const ReferencePoints& known,
-                                                               const StereoFrame& curr) const {
+                                                               const StereoFrame& curr,
+                                                               ThreadPool* threads) const {
   std::vector<PointCorrespondence> points;
-  for (const IndexPair& match :
-       matchByAppearance(known.descriptors, stereoDescriptors(curr), parameters_.matching)) {
+  for (const IndexPair& match : matchByAppearance(known.descriptors, stereoDescriptors(curr),
+                                                  parameters_.matching, threads)) {
     const StereoPoint& now = curr.points[match.second];
     points.push_back({pointObservation(curr.features.points_left[now.left].pixel, now.right_px, 1.0,
                                        context_.correction),

@@ -125,7 +125,8 @@ class FrameTracker {
                                       const Expectation& expected, const Stages& stages,
                                       ThreadPool* threads) const;
   std::vector<PointCorrespondence> matchWholeImage(const ReferencePoints& known,
-                                                   const StereoFrame& curr) const;
+                                                   const StereoFrame& curr,
+                                                   ThreadPool* threads) const;
   void trackLocalMap(const StereoFrame& curr, const Expectation& expected,
                      TrackingResult* tracked) const;
   bool isImplausible(const MotionEstimate& motion, const Expectation& expected,

@@ -96,6 +96,7 @@ bool PoseIntegrator::addPrediction(double dt_s, double max_prediction_s, const M
   Vector6d predicted = predicted_error_ + error;
   predicted.head<3>().array() +=
       predicted_error_.tail<3>().norm() * motion.T_prev_curr.translation().norm();
+  predicted.tail<3>() = predicted.tail<3>().cwiseMin(M_PI);  // an angle is not more uncertain
   const Matrix6d grown =
       Vector6d(predicted.cwiseAbs2() - predicted_error_.cwiseAbs2()).asDiagonal();
   predicted_error_ = predicted;

@@ -177,15 +177,23 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   restartTracking();
 }
 
+/// What may throw comes first: nothing is changed then.
 void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
-  const Parameters before = std::exchange(parameters, validated(wanted));
+  const Parameters before = parameters;
+  const Parameters checked = validated(wanted);
+  auto new_threads = std::make_unique<ThreadPool>(wanted.tracking.threads);
+  StereoFeatureDetector new_detector(wanted.points, wanted.lines);
+  parameters = checked;
+  threads = std::move(new_threads);
+  detector = std::move(new_detector);
   if (!wanted.motion.adapt_noise || wanted.window.size == 0) state.noise = NoiseScale();
   if (!wanted.matching.wide_search) state.resting = RestingFeatures(scaling.camera());
-  threads = std::make_unique<ThreadPool>(wanted.tracking.threads);
-  detector = StereoFeatureDetector(wanted.points, wanted.lines);
   if (ImageScaling(input_camera, wanted.tracking).camera() != scaling.camera())
     setCamera(input_camera);
-  if (isChanged(before, wanted, "points/descriptor")) restartTracking();
+  // Descriptors, and the sizes of the levels in which points were found, mean something else.
+  if (isChanged(before, wanted, "points/descriptor") ||
+      isChanged(before, wanted, "points/scale_factor"))
+    restartTracking();
   if (isChanged(before, wanted, "window/") || isChanged(before, wanted, "local_map/")) {
     window.discard();
     state.restartMap(wanted);
