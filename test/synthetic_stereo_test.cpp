@@ -358,6 +358,18 @@ TEST_F(SimulatedTimeTest, PublishesEveryFrameAtItsTimeAndEnds) {
   EXPECT_EQ(clock_.messages().back()->clock, left_.messages().back()->header.stamp);
 }
 
+TEST_F(SimulatedTimeTest, EndsAfterADistance) {
+  constexpr double kLength_m = 0.2;
+  set("length", kLength_m);
+  set("rate", 100.0);
+  ASSERT_TRUE(load());
+  listen("image_raw");
+  const std::size_t frames = makeWorld("corridor").framesForLength(kLength_m);
+  ASSERT_GT(frames, 2U);
+  ASSERT_TRUE(waitForFrames(frames));
+  EXPECT_FALSE(waitFor([&] { return left_.size() > frames; }, 0.5));
+}
+
 TEST_F(SimulatedTimeTest, IsNeverFasterThanItsRate) {
   set("rate", 0.25);
   ASSERT_TRUE(load());
@@ -425,7 +437,8 @@ TEST(ParametersTest, NamesAllThatIsWrong) {
 
 TEST(ParametersTest, NamesContradictions) {
   const XmlRpc::XmlRpcValue yes(true);
-  expectRefused({{"exit_when_done", yes}}, {"exit_when_done needs frames"});
+  expectRefused({{"exit_when_done", yes}}, {"exit_when_done needs frames or length"});
+  expectRefused({{"frames", 7}, {"length", 3.0}}, {"frames and length are both given"});
   expectRefused({{"rate", 2.0}}, {"rate needs publish_clock"});
   expectRefused({{"lockstep_topic", "odom"}}, {"lockstep_topic needs publish_clock"});
   expectRefused({{"base_frame_id", "odom"}}, {"four different names"});

@@ -141,6 +141,24 @@ class LaunchFileTest(unittest.TestCase):
                           "right/camera_info:=/front/right/camera_info"):
             self.assertIn(f" {remapping} ", result.stdout)
 
+    def test_arguments_of_another_place(self):
+        command = ["roslaunch", "--args", "/rviz", PACKAGE, "replay.launch", "bag:=some.bag"]
+        for extra, words in (([], ["/stereo/lines:=stereo/lines"]),
+                             (["ns:=front", "odom_frame_id:=world"],
+                              ["/stereo/lines:=front/lines", "-f world"])):
+            result = subprocess.run(command + extra, stdout=subprocess.PIPE,
+                                    universal_newlines=True, timeout=60, check=True)
+            for word in words:
+                self.assertIn(f" {word} ", result.stdout)
+        self.assertNotIn("-f", subprocess.run(command, stdout=subprocess.PIPE, check=True,
+                                              universal_newlines=True).stdout.split())
+        self.assertFalse(self.parameters("euroc.launch", "rectify:=false")["rectify"])
+        result = subprocess.run(["roslaunch", "--dump-params", PACKAGE,
+                                 "robot_localization.launch", "ns:=front"], check=True,
+                                stdout=subprocess.PIPE, universal_newlines=True, timeout=60)
+        self.assertEqual(yaml.safe_load(result.stdout)["/ekf/odom0"], "front/odom",
+                         "in the namespace of the filter")
+
 
 class RunningNodeTest(RosTest):
     """With a roscore of its own."""
