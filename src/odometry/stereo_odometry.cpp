@@ -179,11 +179,10 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
 
 /// What may throw comes first: nothing is changed then.
 void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
-  const Parameters before = parameters;
   const Parameters checked = validated(wanted);
   auto new_threads = std::make_unique<ThreadPool>(wanted.tracking.threads);
   StereoFeatureDetector new_detector(wanted.points, wanted.lines);
-  parameters = checked;
+  const Parameters before = std::exchange(parameters, checked);
   threads = std::move(new_threads);
   detector = std::move(new_detector);
   if (!wanted.motion.adapt_noise || wanted.window.size == 0) state.noise = NoiseScale();

@@ -10,6 +10,7 @@
 #include "ros/doctor_rules.h"
 
 namespace point_line_odometry {
+
 std::vector<std::string> publishedImageTopics() {
   ros::master::V_TopicInfo topics;
   if (!ros::master::getTopics(topics)) return {};

@@ -29,6 +29,11 @@ void publishRemappings(const ros::NodeHandle& nh, const ros::NodeHandle& private
   }
 }
 
+std::string nameForTransport(const ros::NodeHandle& nh, const std::string& name,
+                             const std::string& transport) {
+  return transport == "raw" ? name : nh.resolveName(name);
+}
+
 ros::M_string loadRemappings(const ros::NodeHandle& private_nh) {
   ros::M_string remappings;
   for (const char* name : kNames) {

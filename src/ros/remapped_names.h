@@ -3,6 +3,8 @@
 #include <ros/forwards.h>
 #include <ros/node_handle.h>
 
+#include <string>
+
 namespace point_line_odometry {
 
 /// \file
@@ -15,6 +17,12 @@ constexpr const char* kRemappingsSection = "remappings";
 
 /// Sets them; those of a node that ran before are removed.
 void publishRemappings(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
+
+/// The name by which an image topic is subscribed to with a transport of image_transport. Names are
+/// remapped when they are subscribed to, except by the transports that add to them: for these it is
+/// done here. A name must not be remapped twice, which would undo an exchange of left and right.
+std::string nameForTransport(const ros::NodeHandle& nh, const std::string& name,
+                             const std::string& transport);
 
 /// Those of a node, for a node handle in its namespace; none if there is no such node.
 /// \param private_nh the node's.

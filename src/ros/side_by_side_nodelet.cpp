@@ -8,6 +8,7 @@
 
 #include "dataset/camera_info_file.h"
 #include "ros/calibration_conversion.h"
+#include "ros/remapped_names.h"
 #include "ros/side_by_side.h"
 
 namespace point_line_odometry {
@@ -45,9 +46,7 @@ void SideBySideNodelet::start() {
   }
   const image_transport::TransportHints hints(own.param<std::string>("image_transport", "raw"),
                                               ros::TransportHints(), own);
-  // Names are remapped when they are subscribed to, except by the transports that add to them.
-  const bool remap_here = hints.getTransport() != "raw";
-  subscriber_ = transport.subscribe(remap_here ? nh.resolveName("image_raw") : "image_raw",
+  subscriber_ = transport.subscribe(nameForTransport(nh, "image_raw", hints.getTransport()),
                                     kQueueSize, &SideBySideNodelet::take, this, hints);
 }
 

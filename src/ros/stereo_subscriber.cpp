@@ -5,6 +5,8 @@
 #include <string>
 #include <utility>
 
+#include "ros/remapped_names.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -37,16 +39,13 @@ StereoSubscriber::StereoSubscriber(const ros::NodeHandle& nh, const ros::NodeHan
 
 void StereoSubscriber::subscribe(ros::NodeHandle nh, const ros::NodeHandle& private_nh) {
   const std::uint32_t queue_size = stereoQueueSize(parameters_);
-  // Names are remapped when they are subscribed to, except by the transports that add to them. A
-  // name must not be remapped twice: that would undo an exchange of left and right.
-  const bool remap_here = parameters_.image_transport != "raw";
   image_transport::ImageTransport transport(nh);
   const image_transport::TransportHints hints(parameters_.image_transport,
                                               ros::TransportHints().tcpNoDelay(), private_nh);
   for (const StereoTopic topic : {kLeftImage, kRightImage}) {
     const std::string name = stereoTopicName(topic, parameters_.rectify);
     image_subscribers_[topic] = transport.subscribe(
-        remap_here ? nh.resolveName(name) : name, queue_size,
+        nameForTransport(nh, name, parameters_.image_transport), queue_size,
         [this, topic](const sensor_msgs::ImageConstPtr& message) {
           input_.addImage(topic, message, wallSeconds());
         },
