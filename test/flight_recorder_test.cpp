@@ -83,14 +83,12 @@ class FlightRecorderTest : public ::testing::Test {
 
   /// The samples of the interval until a frame: a gyroscope in the axes of the base.
   void addImu(int k, FrameProcessor* processor) const {
-    std::vector<ImuSample> samples;
     for (int i = 0; i < 11; ++i) {
       ImuSample sample;
       sample.stamp_ns = synthetic::frame(k).stamp_ns + (i - 9) * synthetic::kPeriodNs / 10;
       sample.angular_velocity = {0.02, -imu_rate_rad_s_, 0.03};
-      samples.push_back(sample);
+      processor->priorSources().addImu(sample, Eigen::Isometry3d::Identity());
     }
-    processor->addImu(samples, Eigen::Isometry3d::Identity());
   }
 
   /// A recording of `frames` frames from the start.

@@ -400,15 +400,15 @@ TEST(FrameProcessor, CountsFramesForWhichTheSamplesGiveNothing) {
       for (int i = -20; i <= 20; ++i) {
         ImuSample sample;
         sample.stamp_ns = std::llround(1e9 * (stamp_s - delay_s + 0.005 * i));
-        processor.addImu({sample}, Eigen::Isometry3d::Identity());
+        processor.priorSources().addImu(sample, Eigen::Isometry3d::Identity());
       }
       processor.process(makeMessages(stamp_s), mounting());
     }
   };
   drive(20.0, 0.5);
-  EXPECT_EQ(processor.framesWithoutImu(), 4) << "all but the first";
+  EXPECT_EQ(processor.priorSources().framesWithoutImu(), 4) << "all but the first";
   drive(20.5, 0.0);
-  EXPECT_EQ(processor.framesWithoutImu(), 0);
+  EXPECT_EQ(processor.priorSources().framesWithoutImu(), 0);
 }
 
 /// A bag that is played in a loop: its samples come before the first frame that tells of the jump.
@@ -424,7 +424,7 @@ TEST(FrameProcessor, KeepsTheSamplesOfAFrameWithWhichTheClockJumpsBack) {
       for (int i = k == 0 ? -20 : 1; i <= 20; ++i) {
         ImuSample sample;
         sample.stamp_ns = std::llround(1e9 * (stamp_s + 0.005 * i));
-        processor.addImu({sample}, Eigen::Isometry3d::Identity());
+        processor.priorSources().addImu(sample, Eigen::Isometry3d::Identity());
       }
       with_prior.push_back(processor.process(makeMessages(stamp_s), mounting()).prior.has_value());
     }

@@ -207,18 +207,54 @@ TEST(Gyroscope, WithoutSamplesThereIsNoPrior) {
   EXPECT_TRUE(after([&](auto* s) { (*s)[at(1.5)].angular_velocity.x() = 17.45; })) << "later";
 }
 
-/// Axes that are wrong by 90 degrees teach nothing, and never make the prior certain.
-TEST(Gyroscope, WrongAxesStayUncertain) {
+/// Axes that are wrong by 90 degrees teach nothing; with the right ones it is trusted again.
+TEST(Gyroscope, WrongAxesAreNotTrusted) {
   Gyroscope gyroscope({}, kR_camera_imu * expSO3({M_PI / 2.0, 0.0, 0.0}));
   std::mt19937 random(3);
-  for (const ImuSample& sample : samplesUntil(6.0, {})) gyroscope.add(sample);
-  for (int k = 1; k <= 100; ++k) gyroscope.update(imageRotation(k, 3e-4, &random));
-  const auto prior = gyroscope.between(stampOf(100), stampOf(101));
-  ASSERT_TRUE(prior);
-  const double sigma = 1.0 / std::sqrt(prior->information.diagonal().tail<3>().maxCoeff());
-  EXPECT_GT(sigma, 5e-4) << "ten times that of a calibrated one";
+  for (const ImuSample& sample : samplesUntil(12.0, {})) gyroscope.add(sample);
+  const auto drive = [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) gyroscope.update(imageRotation(k, 3e-4, &random));
+  };
+  drive(1, 100);
+  EXPECT_FALSE(gyroscope.isTrusted());
+  EXPECT_FALSE(gyroscope.between(stampOf(99), stampOf(100)));
+  EXPECT_FALSE(gyroscope.forceBetween(stampOf(99), stampOf(100)));
   EXPECT_TRUE(gyroscope.calibration().bias.allFinite());
   EXPECT_LT(gyroscope.calibration().bias.norm(), 3.0);
+  gyroscope.setMounting(kR_camera_imu);
+  drive(100, 200);
+  EXPECT_TRUE(gyroscope.isTrusted());
+  EXPECT_TRUE(gyroscope.between(stampOf(199), stampOf(200)));
+}
+
+TEST(Gyroscope, NeedsNoAccelerometer) {
+  Gyroscope gyroscope({}, kR_camera_imu);
+  for (ImuSample sample : samplesUntil(2.0, {})) {
+    sample.acceleration.setConstant(std::numeric_limits<double>::quiet_NaN());
+    gyroscope.add(sample);
+  }
+  EXPECT_EQ(gyroscope.faults().not_finite, 0U);
+  EXPECT_TRUE(gyroscope.between(stampOf(1), stampOf(2)));
+  EXPECT_FALSE(gyroscope.forceBetween(stampOf(1), stampOf(2)));
+}
+
+/// What is learnt of the bias does not depend on the camera or on the time offset.
+TEST(Gyroscope, KeepsItsBiasWithAnotherMountingAndOffset) {
+  GroundTruth truth;
+  truth.bias = {0.05, -0.03, 0.02};
+  ImuParameters parameters;
+  Gyroscope gyroscope(parameters, kR_camera_imu);
+  std::mt19937 random(3);
+  for (const ImuSample& sample : samplesUntil(6.0, truth)) gyroscope.add(sample);
+  for (int k = 1; k <= 100; ++k) gyroscope.update(imageRotation(k, 3e-4, &random));
+  const Vector3d before = gyroscope.calibration().bias;
+  EXPECT_LT((before - truth.bias).norm(), 5e-3);
+  gyroscope.setMounting(Matrix3d::Identity());
+  parameters.time_offset_s = 0.01;
+  gyroscope.setParameters(parameters);
+  EXPECT_EQ(gyroscope.calibration().bias, before);
+  EXPECT_EQ(gyroscope.calibration().time_offset_s, 0.01);
+  EXPECT_TRUE(gyroscope.between(stampOf(101), stampOf(102))) << "samples are kept";
 }
 
 TEST(Gyroscope, KeepsABoundedNumberOfSamples) {

@@ -60,7 +60,7 @@ TEST_F(AfterALoss, ACameraThatStandsIsHeld) {
 /// Variances of the pose are ten orders above those of a motion then.
 TEST_F(AfterALoss, ACameraThatStandsIsHeldAfterMinutes) {
   for (int k = 0; k < 1800; ++k) {
-    estimate_.addPrediction(0.1, 0.5);
+    estimate_.addPrediction(0.1, 0.5, {});
     pose_.followUnknown(estimate_, Vector6d::Zero(), 0.1);
   }
   estimate_.advance();

@@ -11,11 +11,12 @@ REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 PACKAGE = "point_line_odometry"
 
 # The folders of src/, each of which may include those before it. Up to odometry: the core library.
-LAYERS = ["common", "geometry", "features", "matching", "motion", "map", "odometry", "imu", "wheels",
+LAYERS = ["common", "geometry", "features", "matching", "motion", "map", "odometry", "priors",
           "dataset", "world", "ros", "tools", "benchmark"]
 
-# A public header belongs to the folder of its source. This one has no source.
-WITHOUT_SOURCE = {"tilt_correction": "common", "types": "common", "version": "common"}
+# A public header belongs to the folder of its source. These have no source.
+WITHOUT_SOURCE = {"prior_trust": "common", "tilt_correction": "common", "types": "common",
+                  "version": "common"}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
 # Of what is no member, since it stands at the begin of a line: "Type name(...);" and "Type name(...) {".

@@ -18,7 +18,7 @@ FRAMES = {"kitti_raw_0926_0001": (108, 18), "kitti_06_000-050": (51, 9),
 DRIVES = {"kitti_raw_0926_0001", "kitti_06_000-050", "rendered_town"}
 
 GYROSCOPE_NOISE = 1.7e-4  # of EuRoC's ADIS16448 [rad/s/sqrt(Hz)]
-GYROSCOPE_SCALE = 0.005  # share of the angle, as imu/gyroscope.cpp takes it
+GYROSCOPE_SCALE = 0.005  # share of the angle, as priors/gyroscope.cpp takes it
 WRONG_RATE = np.deg2rad(5.0)  # [rad/s]
 
 
@@ -173,9 +173,10 @@ class TrueRotations(PriorSequenceTest):
 class WrongPriors(PriorSequenceTest):
     """Wrong in every second frame, by 5 deg/s or by 30 % of the distance: they are rejected, and no figure is worse
     by more than 5 % than without priors, or than with the right half of them where that is worse. Figures are medians of
-    five draws of the noise: on the built-in sequences, whose ATE is 2 to 5 mm, single ones have differed by half."""
+    five draws of the noise on the sequences of rooms, whose ATE is 2 to 5 mm: single ones have differed by half there, by 8 % at
+    most on the others."""
 
-    DRAWS = 5
+    DRAWS = {"rendered_lowtexture": 5, "rendered_plaster": 5, "euroc_MH_01_000-099": 3}
     FACTOR = 1.05
 
     def check_median(self, name, text, rows_of, without):
@@ -183,7 +184,7 @@ class WrongPriors(PriorSequenceTest):
         keys = ["ate_m"] + (["t_percent", "r_deg_per_100m"] if name in DRIVES else ["rpe_r_deg"])
         _, right = self.with_priors(name, rows_of(RIGHT, 0))
         ratios = {key: [] for key in keys}
-        for seed in range(self.DRAWS):
+        for seed in range(self.DRAWS.get(name, 1)):
             summary, errors = self.with_priors(name, rows_of(BOTH, seed))
             self.assertEqual(summary["states"], {"initializing": 1, "ok": FRAMES[name][0] - 1})
             self.assertGreaterEqual(summary["priors"]["rejected"], 3)

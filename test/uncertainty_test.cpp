@@ -708,11 +708,86 @@ TEST(PoseIntegrator, ErrorsOfAPredictionAddUp) {
     step.T_measured = step.T_previous_camera = synthetic::transform({0, 0, 0}, {0, 0, 1.0});
     step.covariance = 1e-8 * Matrix6d::Identity();
     pose.addMeasurement(step, 0.1, 0);
-    for (int i = 1; i <= steps; ++i) pose.addPrediction(1.0 / steps, 0.0);
+    for (int i = 1; i <= steps; ++i) pose.addPrediction(1.0 / steps, 0.0, {});
     return std::sqrt(pose.covariance()(2, 2));
   };
   EXPECT_GT(sigma(1), 10.0);  // it may have continued at 10 m/s
   EXPECT_GT(sigma(10), 0.8 * sigma(1));
+}
+
+/// Of wheels that measure 1 m/s within 0.05, and the turn about the vertical (y) within 0.05 rad/s.
+MotionPrior tenthOfASecondByWheels() {
+  MotionPrior prior;
+  prior.T_prev_curr.translation().z() = 0.1;
+  Vector6d deviations;
+  deviations << 1e-4, 1e-4, 0.005, 1e-4, 0.005, 1e-4;
+  prior.information = deviations.cwiseAbs2().cwiseInverse().asDiagonal();
+  return prior;
+}
+
+TEST(PoseIntegrator, APriorCarriesAPoseOfUnknownVelocity) {
+  const MotionPrior prior = tenthOfASecondByWheels();
+  PoseIntegrator unknown;
+  unknown.reset(Isometry3d::Identity());
+  PoseIntegrator far_points_only = unknown;
+  MotionStep step;
+  step.covariance = 1e-8 * Matrix6d::Identity();
+  step.covariance.diagonal().head<3>().setConstant(36.0);  // 60 m/s
+  far_points_only.addMeasurement(step, 0.1, 0);
+  for (PoseIntegrator* pose : {&unknown, &far_points_only}) {
+    for (int i = 0; i < 10; ++i) EXPECT_TRUE(pose->addPrediction(0.1, 5.0, {}, &prior));
+    EXPECT_NEAR(pose->T_odom_camera().translation().z(), 1.0, 0.01);
+    EXPECT_NEAR(pose->twist()[2], 1.0, 0.01);
+    EXPECT_NEAR(std::sqrt(pose->twistCovariance()(2, 2)), 0.05, 0.005);
+  }
+}
+
+TEST(PoseIntegrator, APredictedTwistIsAsUncertainAsTheVelocity) {
+  PoseIntegrator pose;
+  pose.reset(Isometry3d::Identity());
+  MotionStep step;
+  step.covariance = 0.25 * Matrix6d::Identity();  // 5 m/s, 5 rad/s
+  pose.addMeasurement(step, 0.1, 0);
+  EXPECT_TRUE(pose.addPrediction(0.1, 0.5, {}));
+  EXPECT_GE(pose.twistCovariance().diagonal().minCoeff(), 25.0);
+}
+
+/// Covered for an hour: the camera may be anywhere, but not faster than it can be.
+TEST(PoseIntegrator, AnUnknownMotionKeepsToTheLimits) {
+  TrackingParameters limits;
+  limits.max_speed_m_s = 2.0;
+  limits.max_turn_rate_deg_s = 90.0;
+  for (const bool with_velocity : {false, true}) {
+    PoseIntegrator pose;
+    pose.reset(Isometry3d::Identity());
+    MotionStep step;
+    step.covariance = 1e-8 * Matrix6d::Identity();
+    if (with_velocity) pose.addMeasurement(step, 0.1, 0);
+    for (int i = 0; i < 36000; ++i) EXPECT_FALSE(pose.addPrediction(0.1, 0.0, limits));
+    const Vector6d twist = pose.twistCovariance().diagonal().cwiseSqrt();
+    EXPECT_LE(twist.head<3>().maxCoeff(), 2.0 + 1e-9);
+    EXPECT_LE(twist.tail<3>().maxCoeff(), M_PI / 2.0 + 1e-9);
+    const Vector6d sigma = pose.covariance().diagonal().cwiseSqrt();
+    EXPECT_LE(sigma.head<3>().maxCoeff(), 7201.0);
+    EXPECT_GE(sigma.head<3>().minCoeff(), 7000.0);
+    EXPECT_LE(sigma.tail<3>().maxCoeff(), M_PI + 1e-9);
+  }
+}
+
+/// The way bends: after T seconds at v its end is 1/2 v w T^2 aside, by an error w of the turn
+/// rate.
+TEST(PoseIntegrator, AConstantErrorOfTheTurnRateBendsTheWay) {
+  const MotionPrior prior = tenthOfASecondByWheels();
+  PoseIntegrator pose;
+  pose.reset(Isometry3d::Identity());
+  for (int i = 0; i < 100; ++i) pose.addPrediction(0.1, 60.0, {}, &prior);
+  const Vector6d sigma = pose.covariance().diagonal().cwiseSqrt();
+  EXPECT_NEAR(sigma[0], 2.5, 0.1);   // aside
+  EXPECT_LT(sigma[1], 0.12);         // up: 1e-3 rad/s about x
+  EXPECT_NEAR(sigma[2], 0.5, 0.05);  // along the way
+  EXPECT_NEAR(sigma[4], 0.5, 0.01);
+  EXPECT_NEAR(pose.covariance()(0, 4), 2.5 * 0.5, 0.1) << "of one cause";
+  EXPECT_TRUE(pose.predictedCovariance().isApprox(pose.covariance(), 0.01));
 }
 
 }  // namespace

@@ -50,6 +50,10 @@ class Gravity {
   /// Starts over, for an odometry that was reset: odom has other axes.
   void restart();
 
+  /// Goes on in the same axes of odom after a gap, or with the IMU elsewhere on the camera.
+  /// \param T_camera_imu as of the constructor.
+  void continueAfterGap(const Eigen::Isometry3d& T_camera_imu);
+
   /// Takes other parameters; what was estimated is kept.
   void setParameters(const ImuParameters& parameters) { parameters_ = parameters; }
 

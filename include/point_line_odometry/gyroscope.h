@@ -8,6 +8,7 @@
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/motion_prior.h"
 #include "point_line_odometry/parameters.h"
+#include "point_line_odometry/prior_trust.h"
 
 namespace point_line_odometry {
 
@@ -23,7 +24,7 @@ struct ImuSample {
 struct ImuFaults {
   std::size_t doubled = 0;     ///< with the stamp of another one
   std::size_t late = 0;        ///< older than all that are kept
-  std::size_t not_finite = 0;  ///< NaN or infinite
+  std::size_t not_finite = 0;  ///< NaN or infinite rates
   std::size_t saturated = 0;   ///< beyond imu/range_deg_s: the frames around them have no prior
 };
 
@@ -64,7 +65,8 @@ class Gyroscope {
   /// prior.
   bool covers(std::int64_t frame_ns) const;
 
-  /// The rotation between the stamps of two frames. Nothing if samples are missing or saturated.
+  /// The rotation between the stamps of two frames. Nothing if samples are missing or saturated, or
+  /// it is not trusted.
   std::optional<MotionPrior> between(std::int64_t from_ns, std::int64_t to_ns) const;
 
   /// The specific force between the stamps of two frames; nothing likewise.
@@ -75,6 +77,12 @@ class Gyroscope {
 
   /// Discards the samples, for a clock that jumped; bias and time offset are kept.
   void clear();
+
+  /// False while it is suspended, since too many of its rotations disagree with the images.
+  bool isTrusted() const { return trust_.isTrusted(); }
+
+  /// Another pose of the IMU on the camera; samples and what was estimated are kept.
+  void setMounting(const Eigen::Matrix3d& R_camera_imu) { R_camera_imu_ = R_camera_imu; }
 
   /// Takes other parameters; what was estimated is kept unless they say otherwise.
   void setParameters(const ImuParameters& parameters);
@@ -94,8 +102,9 @@ class Gyroscope {
     SpecificForce force;                  ///< R from the IMU at an instant to that at `from`
   };
 
-  void startFilter();
+  void startTimeOffset();
   bool isSaturated(const ImuSample& sample) const;
+  std::optional<MotionPrior> measure(std::int64_t from_ns, std::int64_t to_ns) const;
   std::optional<Rotation> integrate(std::int64_t from_ns, std::int64_t to_ns) const;
   void correct(const Rotation& rotation, const Eigen::Matrix3d& R_from_to_images,
                const Eigen::Matrix3d& covariance);
@@ -107,6 +116,7 @@ class Gyroscope {
   State state_ = State::Zero();
   Eigen::Matrix4d covariance_ = Eigen::Matrix4d::Zero();
   std::optional<std::int64_t> updated_ns_;  // stamp of the last frame
+  PriorTrust trust_;
   ImuFaults faults_;
 };
 

@@ -36,13 +36,14 @@ class StereoOdometry {
   /// number cannot be used.
   bool correctTilt(const TiltCorrection& correction);
 
-  /// Discards all state; the next frame is the first one, and has this pose.
+  /// Discards all state; the next frame is the first one, and has this pose. Throws
+  /// std::invalid_argument if it is not finite.
   void reset(const Eigen::Isometry3d& T_odom_camera = Eigen::Isometry3d::Identity());
 
   /// Tracking and map start again at this pose of the next frame, which may have any stamp: where a
   /// clock was set back, or the camera was moved on its robot. Other than by reset() what has been
   /// learnt of the images is kept, and so is the covariance; it grows by the motion between two
-  /// frames, which is missing.
+  /// frames, which is missing. Throws likewise.
   void continueAt(const Eigen::Isometry3d& T_odom_camera);
 
   /// Takes another calibration: tracking and map start again. The pose goes on as in a frame

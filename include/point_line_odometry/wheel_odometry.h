@@ -9,6 +9,7 @@
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/motion_prior.h"
 #include "point_line_odometry/parameters.h"
+#include "point_line_odometry/prior_trust.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -57,7 +58,7 @@ class WheelOdometry {
   void update(const FrameResult& result);
 
   /// False while it is suspended, since too many of its motions disagree with the images.
-  bool isTrusted() const;
+  bool isTrusted() const { return trust_.isTrusted(); }
 
   /// Discards the samples, for a clock or a body that changed; whether it is trusted is kept.
   void clear();
@@ -68,8 +69,6 @@ class WheelOdometry {
   const OdometryFaults& faults() const { return faults_; }  ///< of the samples
 
  private:
-  using Iterator = std::deque<OdometrySample>::const_iterator;
-
   std::optional<Eigen::Isometry3d> poseAt(std::int64_t stamp_ns, double* gap_s) const;
   bool jumps(std::int64_t from_ns, std::int64_t to_ns) const;
   Vector6d meanVariance(std::int64_t from_ns, std::int64_t to_ns) const;
@@ -81,7 +80,7 @@ class WheelOdometry {
   Eigen::Isometry3d T_body_camera_;
   std::deque<OdometrySample> samples_;      // by stamp
   std::optional<std::int64_t> updated_ns_;  // stamp of the last frame
-  double rejected_share_ = 0.0;             // of the latest motions that were compared
+  PriorTrust trust_;
   OdometryFaults faults_;
 };
 
@@ -105,7 +104,7 @@ class PlanarFloor {
   void update(const FrameResult& result);
 
   /// False while it is suspended, since too many motions disagree with it.
-  bool isTrusted() const;
+  bool isTrusted() const { return trust_.isTrusted(); }
 
   /// Takes other parameters.
   void setParameters(const PlanarParameters& parameters) { parameters_ = parameters; }
@@ -113,7 +112,7 @@ class PlanarFloor {
  private:
   PlanarParameters parameters_;
   Eigen::Isometry3d T_body_camera_;
-  double rejected_share_ = 0.0;  // of the latest motions
+  PriorTrust trust_;
 };
 
 }  // namespace point_line_odometry

@@ -44,15 +44,31 @@ PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, do
   return motionByVelocity(*velocity, dt_s, unmeasured_s, &within_limits);
 }
 
+PredictedMotion predictStep(const std::optional<CameraVelocity>& velocity, double dt_s,
+                            double unmeasured_s, const TrackingParameters& limits,
+                            const MotionPrior* prior) {
+  if (isCurrent(velocity)) return motionByVelocity(*velocity, dt_s, unmeasured_s, prior);
+  return motionByLimits(dt_s, limits, prior);
+}
+
+Matrix6d covarianceOfUnknownMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                                   double unmeasured_s, const TrackingParameters& limits) {
+  Matrix6d covariance = covarianceByLimits(dt_s, limits);
+  if (!velocity) return covariance;
+  const Matrix6d grown = dt_s * dt_s * velocity->covariance +
+                         predictionCovariance(velocity->value, false, dt_s, unmeasured_s);
+  covariance.diagonal() = covariance.diagonal().cwiseMin(grown.diagonal());
+  return covariance;
+}
+
 MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                const Parameters& parameters, const MotionPrior* prior) {
-  if (!isCurrent(velocity)) {
-    return {motionByLimits(dt_s, parameters.tracking, prior).T_prev_curr.inverse(),
-            parameters.matching.search_radius_without_velocity_px};
-  }
+  const Eigen::Isometry3d T_curr_prev =
+      predictStep(velocity, dt_s, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
+  if (!isCurrent(velocity))
+    return {T_curr_prev, parameters.matching.search_radius_without_velocity_px};
   const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
-  return {motionByVelocity(*velocity, dt_s, dt_s, prior).T_prev_curr.inverse(),
-          widening * parameters.matching.search_radius_px};
+  return {T_curr_prev, widening * parameters.matching.search_radius_px};
 }
 
 }  // namespace point_line_odometry

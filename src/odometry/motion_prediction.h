@@ -21,6 +21,18 @@ bool isCurrent(const std::optional<CameraVelocity>& velocity);
 PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                double unmeasured_s, const TrackingParameters& limits);
 
+/// Motion over a time at constant velocity, if it is current, else within the limits of the
+/// camera's speed, fused with a prior (null: none). \param unmeasured_s since the velocity was
+/// measured.
+PredictedMotion predictStep(const std::optional<CameraVelocity>& velocity, double dt_s,
+                            double unmeasured_s, const TrackingParameters& limits,
+                            const MotionPrior* prior);
+
+/// Covariance of the motion of a camera that may have stopped, or have gone on at the last
+/// velocity, within the limits of its speed.
+Matrix6d covarianceOfUnknownMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
+                                   double unmeasured_s, const TrackingParameters& limits);
+
 /// Motion over a time at constant velocity, if it is current, fused with a prior (null: none), and
 /// the search radius; without either none.
 MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,

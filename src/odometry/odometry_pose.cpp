@@ -71,7 +71,7 @@ TrackingState OdometryPose::predict(double dt_s, const TrackingParameters& param
   double max_s = gap ? 0.0 : parameters.max_prediction_s;
   if (prior != nullptr && (knowsTranslation(*prior) || (!gap && knowsRotation(*prior))))
     max_s = std::max(max_s, parameters.max_prior_prediction_s);
-  if (!integrator_.addPrediction(dt_s, max_s, prior)) {
+  if (!integrator_.addPrediction(dt_s, max_s, parameters, prior)) {
     smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kLost;
   }
@@ -132,7 +132,7 @@ void OdometryPose::returnTo(const MapAnchor& anchor) {
 bool OdometryPose::isReachable(const Eigen::Isometry3d& T_odom_camera, double dt_s,
                                const TrackingParameters& parameters) const {
   PoseIntegrator expected = integrator_;
-  expected.addPrediction(dt_s, parameters.max_prediction_s);
+  expected.addPrediction(dt_s, parameters.max_prediction_s, parameters);
   const Vector6d difference = poseDifference(expected.T_odom_camera(), T_odom_camera);
   const double squared = difference.dot(expected.covariance().ldlt().solve(difference));
   return squared <= kMaxReachSigmas * kMaxReachSigmas;

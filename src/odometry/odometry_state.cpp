@@ -59,6 +59,10 @@ bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParamet
   return toSeconds(stamp_ns - lost.history.previous->stamp_ns) > parameters.relocalization_s;
 }
 
+bool calibratesStereo(const Parameters& parameters) {
+  return parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
+}
+
 void OdometryState::update(StereoFrame curr, const FrameContext& context,
                            const TrackingResult& tracked, const FramePrior& prior,
                            ThreadPool* threads, StageTimes* times) {
@@ -75,9 +79,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
-  // Small displacements are measurable with sub-pixels only.
-  const bool calibrates =
-      parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
+  const bool calibrates = calibratesStereo(parameters);
   if (calibrates) {
     const StageTimer timer(times, Stage::kRefine);
     stereo_calibration.addVerticalDisparities(verticalDisparities(curr),

@@ -33,6 +33,10 @@ struct LostMap {
 /// Whether a lost map is older than tracking/relocalization_s.
 bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters);
 
+/// Whether the stereo calibration is refined: small displacements are measurable with sub-pixels
+/// only.
+bool calibratesStereo(const Parameters& parameters);
+
 /// The state between frames. A value: it is copied, assigned and saved as a whole.
 struct OdometryState {
   TrackingState tracking = TrackingState::kInitializing;

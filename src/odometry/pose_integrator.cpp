@@ -3,7 +3,9 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "geometry/se3.h"
 #include "motion/prior_factor.h"
+#include "odometry/motion_prediction.h"
 #include "odometry/tilt.h"
 #include "odometry/uncertainty.h"
 
@@ -78,40 +80,40 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   predicted_s_ = 0.0;
 }
 
-bool PoseIntegrator::addPrediction(double dt_s, double max_prediction_s, const MotionPrior* prior) {
+bool PoseIntegrator::addPrediction(double dt_s, double max_prediction_s,
+                                   const TrackingParameters& limits, const MotionPrior* prior) {
   predicted_s_ += dt_s;
-  const bool at_velocity = velocity_ && velocity_->is_current;
-  const bool moves =
-      predicted_s_ <= max_prediction_s && (at_velocity || (prior && knowsTranslation(*prior)));
-  const Vector6d velocity = velocity_ ? velocity_->value : Vector6d::Zero();
+  const bool moves = predicted_s_ <= max_prediction_s &&
+                     (isCurrent(velocity_) || (prior != nullptr && knowsTranslation(*prior)));
   PredictedMotion motion;
-  motion.covariance = predictionCovariance(velocity, moves && at_velocity, dt_s, predicted_s_);
   if (moves) {
-    motion =
-        predictedMotion(at_velocity ? velocity : Vector6d::Zero(), motion.covariance, dt_s, prior);
+    motion = predictStep(velocity_, dt_s, predicted_s_, limits, prior);
+  } else {
+    motion.covariance = covarianceOfUnknownMotion(velocity_, dt_s, predicted_s_, limits);
   }
-  // The error of a velocity is constant: errors of successive predictions add up, not their
-  // variances.
-  const Vector6d error = motion.covariance.diagonal().cwiseSqrt();
-  Vector6d predicted = predicted_error_ + error;
-  predicted.head<3>().array() +=
-      predicted_error_.tail<3>().norm() * motion.T_prev_curr.translation().norm();
-  predicted.tail<3>() = predicted.tail<3>().cwiseMin(M_PI);  // an angle is not more uncertain
-  const Matrix6d grown =
-      Vector6d(predicted.cwiseAbs2() - predicted_error_.cwiseAbs2()).asDiagonal();
-  predicted_error_ = predicted;
-  covariance_ = correlated_covariance_ =
-      composeCovariance(T_odom_camera_, covariance_, motion.T_prev_curr, grown);
+  addPredictedError(motion);
   T_odom_camera_ = T_odom_camera_ * motion.T_prev_curr;
-  twist_ = moves ? velocity : Vector6d::Zero();
-  if (moves && prior != nullptr) twist_ = velocityOfMotion(motion.T_prev_curr, dt_s);
+  twist_.setZero();
+  if (moves) twist_ = prior ? velocityOfMotion(motion.T_prev_curr, dt_s) : velocity_->value;
   twist_covariance_ = motion.covariance / (dt_s * dt_s);
   return moves;
 }
 
-Matrix6d PoseIntegrator::predictedCovariance() const {
-  const Matrix6d to_odom = blockRotation(T_odom_camera_.linear());
-  return to_odom * predicted_error_.cwiseAbs2().asDiagonal() * to_odom.transpose();
+/// The error of a velocity is constant in the camera's axes: errors of successive predictions add
+/// up, not their variances, and that of the rotation turns the way that follows.
+void PoseIntegrator::addPredictedError(const PredictedMotion& motion) {
+  const Eigen::Matrix3d& R = T_odom_camera_.linear();
+  Matrix6d error = predicted_error_;
+  error.topRows<3>() -= skew(R * motion.T_prev_curr.translation()) * error.bottomRows<3>();
+  Matrix6d step =
+      blockRotation(R) * Vector6d(motion.covariance.diagonal().cwiseSqrt()).asDiagonal();
+  const Eigen::Vector3d angles = (error + step).bottomRows<3>().rowwise().norm();
+  if (angles.maxCoeff() > M_PI) step.bottomRows<3>().setZero();  // it is not more uncertain
+  const Matrix6d crossed = error * step.transpose();
+  const Matrix6d grown = crossed + crossed.transpose() + step * step.transpose();
+  covariance_ = correlated_covariance_ =
+      composeCovariance(T_odom_camera_, covariance_, motion.T_prev_curr, Matrix6d::Zero()) + grown;
+  predicted_error_ = error + step;
 }
 
 Matrix6d PoseIntegrator::covariance() const {

@@ -5,7 +5,9 @@
 #include <optional>
 #include <tuple>
 
+#include "odometry/uncertainty.h"
 #include "point_line_odometry/motion_prior.h"
+#include "point_line_odometry/parameters.h"
 #include "point_line_odometry/tilt_correction.h"
 #include "point_line_odometry/types.h"
 
@@ -67,8 +69,10 @@ class PoseIntegrator {
   /// Continues from the last pose at the last velocity, with grown covariance. Without a current
   /// velocity a prior that knows the translation suffices. Returns false if there is neither, or if
   /// motions have been predicted for longer than max_prediction_s: then the pose is kept.
-  /// \param prior of the motion since the last pose, fused with the velocity; null: none.
-  bool addPrediction(double dt_s, double max_prediction_s, const MotionPrior* prior = nullptr);
+  /// \param limits of the camera's speed. \param prior of the motion since the last pose, fused
+  /// with the velocity; null: none.
+  bool addPrediction(double dt_s, double max_prediction_s, const TrackingParameters& limits,
+                     const MotionPrior* prior = nullptr);
 
   /// Turns the poses by a correction of the tilt about the camera. \param T_correction of it.
   void correctTilt(const Eigen::Isometry3d& T_correction, const TiltCorrection& correction);
@@ -101,7 +105,7 @@ class PoseIntegrator {
   double predictedTime() const { return predicted_s_; }
 
   /// Of the motions predicted since the last estimated one, along and about the axes of odom.
-  Matrix6d predictedCovariance() const;
+  Matrix6d predictedCovariance() const { return predicted_error_ * predicted_error_.transpose(); }
 
   /// Of the last estimated motion, as it is propagated to the next poses; along and about the axes
   /// of odom.
@@ -123,6 +127,8 @@ class PoseIntegrator {
   }
 
  private:
+  void addPredictedError(const PredictedMotion& motion);
+
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Vector3d start_ = Eigen::Vector3d::Zero();    // where the pose was known exactly
   Matrix6d covariance_ = Matrix6d::Zero();             // without the scale error
@@ -132,8 +138,10 @@ class PoseIntegrator {
   std::optional<CameraVelocity> velocity_;
   Vector6d twist_ = Vector6d::Zero();
   Matrix6d twist_covariance_ = Matrix6d::Zero();
-  Vector6d predicted_error_ = Vector6d::Zero();  // of the pose since the last estimated motion
-  double predicted_s_ = 0.0;                     // time since then
+  /// Error of the pose since the last estimated motion, along and about the axes of odom: a column
+  /// for one standard deviation of each axis of the velocity.
+  Matrix6d predicted_error_ = Matrix6d::Zero();
+  double predicted_s_ = 0.0;  // time since then
   Matrix6d step_covariance_ = Matrix6d::Zero();
 };
 

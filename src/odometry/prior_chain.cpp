@@ -1,6 +1,5 @@
 #include "odometry/prior_chain.h"
 
-#include "motion/prior_agreement.h"
 #include "motion/prior_factor.h"
 
 namespace point_line_odometry {
@@ -14,7 +13,7 @@ FramePrior PriorChain::prepare(const MotionPrior* given, std::optional<std::int6
     prior.use = PriorUse::kInvalid;
     return prior;
   }
-  prior.use = rejected_share_ > kMaxRejectedShare ? PriorUse::kSuspended : PriorUse::kUsed;
+  prior.use = trust_.isTrusted() ? PriorUse::kUsed : PriorUse::kSuspended;
   prior.since_last = *given;
   if (previous_ns == last_ns) {
     prior.since_previous = *given;
@@ -27,7 +26,7 @@ FramePrior PriorChain::prepare(const MotionPrior* given, std::optional<std::int6
 
 void PriorChain::update(const FramePrior& prior, bool compared, bool agreed) {
   since_previous_ = prior.since_previous;
-  if (compared) updateRejectedShare(agreed, &rejected_share_);
+  if (compared) trust_.update(agreed);
 }
 
 }  // namespace point_line_odometry

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "point_line_odometry/motion_prior.h"
+#include "point_line_odometry/prior_trust.h"
 
 namespace point_line_odometry {
 
@@ -36,13 +37,13 @@ class PriorChain {
 
   /// All members, for StereoOdometry::saveState().
   auto state() {
-    auto& [since_previous, rejected_share] = *this;
-    return std::tie(since_previous, rejected_share);
+    auto& [since_previous, trust] = *this;
+    return std::tie(since_previous, trust);
   }
 
  private:
   std::optional<MotionPrior> since_previous_;  // up to the last frame
-  double rejected_share_ = 0.0;                // of the latest priors that were compared
+  PriorTrust trust_;
 };
 
 }  // namespace point_line_odometry

@@ -1,6 +1,7 @@
 #include "point_line_odometry/stereo_odometry.h"
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -20,6 +21,13 @@
 #include "odometry/window_adjustment.h"
 
 namespace point_line_odometry {
+namespace {
+
+void requireFinite(const Eigen::Isometry3d& pose) {
+  if (!pose.matrix().allFinite()) throw std::invalid_argument("a pose of the camera is not finite");
+}
+
+}  // namespace
 
 /// What a stereo pair shows, and the motion to it.
 struct TrackedFrame {
@@ -147,16 +155,21 @@ void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, Fr
     result->prior = reportPrior(state, none, prior);
   }
   state.stamp_ns = result->stamp_ns;
+  result->points.clear();  // perhaps of a scaled image
+  result->lines.clear();
+  result->unmatched_points_px.clear();
   result->reason = TrackingReason::kException;
   result->error = error;
 }
 
 void StereoOdometry::Impl::reset(const Eigen::Isometry3d& T_odom_camera) {
+  requireFinite(T_odom_camera);
   window.discard();
   state = OdometryState(scaling.camera(), T_odom_camera);
 }
 
 void StereoOdometry::Impl::continueAt(const Eigen::Isometry3d& T_odom_camera) {
+  requireFinite(T_odom_camera);
   window.discard();
   state.continueAt(T_odom_camera);
 }
@@ -186,6 +199,8 @@ void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
   threads = std::move(new_threads);
   detector = std::move(new_detector);
   if (!wanted.motion.adapt_noise || wanted.window.size == 0) state.noise = NoiseScale();
+  if (!calibratesStereo(wanted))
+    state.stereo_calibration = OnlineStereoCalibration(scaling.camera());
   if (!wanted.matching.wide_search) state.resting = RestingFeatures(scaling.camera());
   if (ImageScaling(input_camera, wanted.tracking).camera() != scaling.camera())
     setCamera(input_camera);

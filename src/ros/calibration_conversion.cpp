@@ -141,4 +141,15 @@ bool sameCalibration(const sensor_msgs::CameraInfo& a, const sensor_msgs::Camera
   return differingField(a, b) == nullptr;
 }
 
+bool InfoPair::operator==(const InfoPair& other) const {
+  return sameCalibration(*left, *other.left) && sameCalibration(*right, *other.right);
+}
+
+std::string differenceOf(const InfoPair& a, const InfoPair& b) {
+  const char* const left = differingField(*a.left, *b.left);
+  const char* const right = differingField(*a.right, *b.right);
+  if (left != nullptr) return std::string("left/camera_info: ") + left;
+  return std::string("right/camera_info: ") + (right != nullptr ? right : "nothing");
+}
+
 }  // namespace point_line_odometry

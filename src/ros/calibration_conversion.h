@@ -3,6 +3,8 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <std_msgs/Header.h>
 
+#include <string>
+
 #include "point_line_odometry/rectification.h"
 #include "ros/conversions.h"
 
@@ -24,5 +26,16 @@ const char* differingField(const sensor_msgs::CameraInfo& a, const sensor_msgs::
 
 /// True if there is no such field.
 bool sameCalibration(const sensor_msgs::CameraInfo& a, const sensor_msgs::CameraInfo& b);
+
+/// The camera_infos of a pair; equal if they describe the same cameras.
+struct InfoPair {
+  sensor_msgs::CameraInfoConstPtr left;
+  sensor_msgs::CameraInfoConstPtr right;
+
+  bool operator==(const InfoPair& other) const;
+};
+
+/// For example "right/camera_info: P", which is the first field that differs.
+std::string differenceOf(const InfoPair& a, const InfoPair& b);
 
 }  // namespace point_line_odometry

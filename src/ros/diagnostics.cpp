@@ -163,7 +163,7 @@ void Diagnostics::noteImu(std::optional<SourceFacts> imu) {
   imu_ = std::move(imu);
 }
 
-void Diagnostics::noteWheels(std::optional<WheelFacts> wheels) {
+void Diagnostics::noteWheels(std::optional<SourceFacts> wheels) {
   const std::lock_guard<std::mutex> lock(mutex_);
   wheels_ = std::move(wheels);
 }
@@ -274,9 +274,12 @@ void Diagnostics::reportPriors(Status& status) const {
   if (imu_) reportSource("imu samples", *imu_, &status);
   if (wheels_) reportSource("poses by wheels", *wheels_, &status);
   if (prior_.use == PriorUse::kSuspended) {
-    std::string text = "motion priors disagree with the images and are not used";
-    if (imu_) text += ": check the axes of the IMU in tf, its stamps and noise parameters";
-    status.mergeSummary(Level::WARN, text);
+    status.mergeSummary(Level::WARN, "motion priors disagree with the images and are not used");
+  }
+  if (imu_ && !imu_->trusted) {
+    status.mergeSummary(Level::WARN,
+                        "the rotation by the IMU disagrees with the images and is not used: check "
+                        "the axes of the IMU in tf, its stamps and noise parameters");
   }
   if (!floor_trusted_) {
     status.mergeSummary(Level::WARN,

@@ -15,28 +15,10 @@
 #include "ros/frame_messages.h"
 #include "ros/log_throttle.h"
 #include "ros/node_parameters.h"
-#include "ros/sample_input.h"
+#include "ros/source_facts.h"
 #include "ros/stereo_subscriber.h"
 
 namespace point_line_odometry {
-
-/// What is known of a source of motion priors: the IMU.
-struct SourceFacts {
-  /// After so many in a row without anything it is warned of a source: not of a gap.
-  static constexpr int kManyFrames = 30;
-
-  SampleCounts counts;
-  std::string timeout;  ///< what to say if it is not alive
-  std::string fault;    ///< of the frame of its last sample, empty if there is none
-  std::map<std::string, std::uint64_t> unused;  ///< samples, by what was wrong with them
-  int frames_without = 0;                       ///< successive frames for which they gave nothing
-  std::optional<double> newest_s;  ///< stamp of the newest sample minus that of the last image
-};
-
-/// The wheels, or what else gives poses.
-struct WheelFacts : SourceFacts {
-  bool trusted = true;  ///< see WheelOdometry::isTrusted()
-};
 
 /// State of the node, published on /diagnostics once a second. Thread-safe: the worker thread notes
 /// frames, the doctor's thread its report, and a timer calls update().
@@ -59,7 +41,7 @@ class Diagnostics {
   void noteWaitingForTransform(const std::string& text);
   /// Nothing: it is not used (any more).
   void noteImu(std::optional<SourceFacts> imu);
-  void noteWheels(std::optional<WheelFacts> wheels);
+  void noteWheels(std::optional<SourceFacts> wheels);
   void noteCheck(const std::vector<DoctorLine>& lines);
 
   FrameCounters counters() const;
@@ -99,7 +81,7 @@ class Diagnostics {
   std::optional<MaskFacts> masks_;
   std::vector<DoctorLine> doctor_lines_;
   std::optional<SourceFacts> imu_;            // nothing unless imu/enabled
-  std::optional<WheelFacts> wheels_;          // nothing without
+  std::optional<SourceFacts> wheels_;         // nothing without
   PriorReport prior_;                         // of the last frame
   std::map<PriorUse, std::uint64_t> priors_;  // frames by the use of their prior
   bool floor_trusted_ = true;

@@ -13,7 +13,12 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr std::size_t kMaxEarlySamples = 2000;  // until the first frame
+/// With wheels also if tf replaces them.
+Parameters ofPriorSources(const AllParameters& parameters) {
+  Parameters core = parameters.core;
+  core.wheels.enabled = usesWheels(parameters);
+  return core;
+}
 
 void checkFinite(const FrameResult& result) {
   if (result.T_odom_camera.matrix().allFinite() && result.pose_covariance.allFinite() &&
@@ -28,6 +33,7 @@ void checkFinite(const FrameResult& result) {
 FrameProcessor::FrameProcessor(AllParameters parameters)
     : parameters_(std::move(parameters)),
       static_masks_({parameters_.node.left.mask, parameters_.node.right.mask}),
+      prior_sources_(ofPriorSources(parameters_)),
       T_odom_base_(initialPose(parameters_.node)) {}
 
 ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
@@ -52,16 +58,15 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   frame.T_header_camera = calibration_->T_header_camera();
   if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
   continues_ = false;  // until the frame is done
-  frame.prior = priorOf(images.stamp_ns);
   const bool newer = !last_stamp_ns_ || images.stamp_ns > *last_stamp_ns_;
-  if (gravity_ && newer) frame.tilt = gravity_->takeCorrection();  // for a frame that is recorded
+  if (newer && last_stamp_ns_)
+    frame.prior = prior_sources_.takePrior(*last_stamp_ns_, images.stamp_ns);
+  if (newer) frame.tilt = prior_sources_.takeTiltCorrection();  // for a frame that is recorded
   if (frame.tilt) odometry_->correctTilt(*frame.tilt);
   frame.result = odometry_->process(images, frame.prior ? &*frame.prior : nullptr);
-  if (gyroscope_) gyroscope_->update(frame.result);
-  if (gravity_) gravity_->update(frame.result, *gyroscope_);
-  if (wheels_) wheels_->update(frame.result);
-  if (floor_) floor_->update(frame.result);
-  frame.floor_trusted = !floor_ || floor_->isTrusted();
+  prior_sources_.update(frame.result);
+  const PlanarFloor* floor = prior_sources_.floor();
+  frame.floor_trusted = floor == nullptr || floor->isTrusted();
   frame.line_detector = odometry_->lineDetector();
   checkFinite(frame.result);
   continues_ = frame.result.reason != TrackingReason::kException;
@@ -72,89 +77,6 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   return frame;
 }
 
-void FrameProcessor::addImu(const std::vector<ImuSample>& samples,
-                            const Eigen::Isometry3d& T_base_imu) {
-  if (!T_base_imu_ || !T_base_imu.isApprox(*T_base_imu_, 1e-9)) {
-    T_base_imu_ = T_base_imu;
-    startImu();
-  }
-  if (gyroscope_) {
-    for (const ImuSample& sample : samples) gyroscope_->add(sample);
-    return;
-  }
-  early_samples_.insert(early_samples_.end(), samples.begin(), samples.end());
-  while (early_samples_.size() > kMaxEarlySamples) early_samples_.pop_front();
-}
-
-bool FrameProcessor::hasImuUntil(std::int64_t stamp_ns) const {
-  return !gyroscope_ || gyroscope_->covers(stamp_ns);
-}
-
-/// Without samples until the base's poses of both, the camera and the IMU, are known.
-void FrameProcessor::startImu() {
-  gyroscope_.reset();
-  gravity_.reset();
-  if (!parameters_.core.imu.enabled || !T_base_imu_ || !odometry_) return;
-  gyroscope_.emplace(parameters_.core.imu,
-                     T_base_camera_.linear().transpose() * T_base_imu_->linear());
-  startGravity();
-  for (const ImuSample& sample : early_samples_) gyroscope_->add(sample);
-  early_samples_.clear();
-}
-
-void FrameProcessor::startGravity() {
-  gravity_.reset();
-  if (gyroscope_ && parameters_.core.imu.use_gravity)
-    gravity_.emplace(parameters_.core.imu, T_base_camera_.inverse() * *T_base_imu_);
-}
-
-std::optional<MotionPrior> FrameProcessor::priorOf(std::int64_t stamp_ns) {
-  if (!last_stamp_ns_ || stamp_ns <= *last_stamp_ns_) return std::nullopt;
-  std::vector<MotionPrior> priors;
-  const auto add = [&](const std::optional<MotionPrior>& prior) {
-    if (prior) priors.push_back(*prior);
-    return prior.has_value();
-  };
-  const auto count = [](bool given, int* without) { *without = given ? 0 : *without + 1; };
-  if (gyroscope_) count(add(gyroscope_->between(*last_stamp_ns_, stamp_ns)), &without_imu_);
-  if (wheels_ && wheels_->isTrusted())
-    count(add(wheels_->between(*last_stamp_ns_, stamp_ns)), &without_wheels_);
-  if (floor_) add(floor_->between(*last_stamp_ns_, stamp_ns));
-  return fused(priors);
-}
-
-void FrameProcessor::addWheels(const std::vector<OdometrySample>& samples,
-                               const Eigen::Isometry3d& T_base_body) {
-  if (!T_base_body_ || !T_base_body.isApprox(*T_base_body_, 1e-9)) {
-    T_base_body_ = T_base_body;
-    startWheels();
-  }
-  if (wheels_) {
-    for (const OdometrySample& sample : samples) wheels_->add(sample);
-    return;
-  }
-  early_wheel_samples_.insert(early_wheel_samples_.end(), samples.begin(), samples.end());
-  while (early_wheel_samples_.size() > kMaxEarlySamples) early_wheel_samples_.pop_front();
-}
-
-bool FrameProcessor::hasWheelsUntil(std::int64_t stamp_ns) const {
-  return !wheels_ || wheels_->covers(stamp_ns);
-}
-
-/// As startImu().
-void FrameProcessor::startWheels() {
-  wheels_.reset();
-  if (!usesWheels(parameters_) || !T_base_body_ || !odometry_) return;
-  wheels_.emplace(parameters_.core, T_base_body_->inverse() * T_base_camera_);
-  for (const OdometrySample& sample : early_wheel_samples_) wheels_->add(sample);
-  early_wheel_samples_.clear();
-}
-
-void FrameProcessor::startFloor() {
-  floor_.reset();
-  if (parameters_.core.planar.enabled) floor_.emplace(parameters_.core.planar, T_base_camera_);
-}
-
 void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
   T_odom_base_ = T_odom_base;
   last_stamp_ns_.reset();
@@ -162,20 +84,8 @@ void FrameProcessor::reset(const Eigen::Isometry3d& T_odom_base) {
 }
 
 void FrameProcessor::setParameters(const Parameters& core) {
-  const ImuParameters before = parameters_.core.imu;
-  const bool used_wheels = usesWheels(parameters_);
   parameters_.core = core;
-  if (core.imu.enabled != before.enabled) {
-    startImu();
-  } else if (core.imu.use_gravity != before.use_gravity) {
-    startGravity();
-  }
-  if (usesWheels(parameters_) != used_wheels) startWheels();
-  if (wheels_) wheels_->setParameters(core);
-  if (core.planar.enabled != floor_.has_value()) startFloor();
-  if (floor_) floor_->setParameters(core.planar);
-  if (gyroscope_) gyroscope_->setParameters(core.imu);
-  if (gravity_) gravity_->setParameters(core.imu);
+  prior_sources_.setParameters(ofPriorSources(parameters_));
   if (odometry_) odometry_->setParameters(budgetedParameters());
 }
 
@@ -197,10 +107,6 @@ Eigen::Isometry3d FrameProcessor::Calibration::T_header_camera() const {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   if (rectifier) T.linear() = rectifier->R_rectified_raw().transpose();
   return T;
-}
-
-bool FrameProcessor::InfoPair::operator==(const InfoPair& other) const {
-  return sameCalibration(*left, *other.left) && sameCalibration(*right, *other.right);
 }
 
 /// The images as received, after checks of them and their calibration.
@@ -255,11 +161,7 @@ FrameProcessor::Calibration FrameProcessor::makeCalibration(const InfoPair& info
 }
 
 void FrameProcessor::rejectUnconfirmed(const InfoPair& infos) const {
-  const InfoPair& known = calibration_->infos;
-  const char* left = differingField(*infos.left, *known.left);
-  const char* right = differingField(*infos.right, *known.right);
-  throw MessageError(std::string(left ? "left" : "right") +
-                     "/camera_info: " + (left ? left : right) +
+  throw MessageError(differenceOf(infos, calibration_->infos) +
                      " is not as in the frames before; it is accepted once " +
                      std::to_string(kConfirmations) + " frames in a row have it");
 }
@@ -296,8 +198,7 @@ void FrameProcessor::announce(std::int64_t stamp_ns) {
   if (parameters_.node.on_time_jump == "ignore") return;
   if (newest_stamp_ns_ && toSeconds(*newest_stamp_ns_ - stamp_ns) > kMaxLateness_s) {
     newest_stamp_ns_.reset();
-    if (gyroscope_) gyroscope_->clear();
-    if (wheels_) wheels_->clear();
+    prior_sources_.discardSamples();
   }
   newest_stamp_ns_ = std::max(newest_stamp_ns_.value_or(stamp_ns), stamp_ns);
 }
@@ -311,23 +212,21 @@ void FrameProcessor::takeMounting(const Eigen::Isometry3d& T_base_camera) {
   } else {
     startOdometry();
   }
-  startImu();
-  startWheels();
-  startFloor();
+  prior_sources_.setCamera(T_base_camera_);
 }
 
 void FrameProcessor::startOdometry() {
   if (!calibration_) return;
   if (!odometry_) odometry_.emplace(calibration_->camera, budgetedParameters());
   odometry_->reset(T_odom_base_ * T_base_camera_);
-  if (gravity_) gravity_->restart();
+  prior_sources_.restartGravity();
   continues_ = false;
 }
 
 /// Goes on from the base's last pose and its covariance.
 void FrameProcessor::continueOdometry() {
   odometry_->continueAt(T_odom_base_ * T_base_camera_);
-  if (gravity_) gravity_->restart();
+  prior_sources_.continueGravity();
   continues_ = false;
 }
 

@@ -4,20 +4,17 @@
 #include <sensor_msgs/Image.h>
 
 #include <Eigen/Geometry>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
-#include <vector>
 
 #include "dataset/mask_file.h"
-#include "point_line_odometry/gravity.h"
-#include "point_line_odometry/gyroscope.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
 #include "point_line_odometry/types.h"
-#include "point_line_odometry/wheel_odometry.h"
+#include "priors/prior_sources.h"
+#include "ros/calibration_conversion.h"
 #include "ros/confirmation.h"
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
@@ -63,32 +60,9 @@ class FrameProcessor {
   /// frame, samples from before are dropped: the stamps of new ones are as old.
   void announce(std::int64_t stamp_ns);
 
-  /// Takes samples of the IMU, for imu/enabled. \param T_base_imu its pose in the base.
-  void addImu(const std::vector<ImuSample>& samples, const Eigen::Isometry3d& T_base_imu);
-
-  /// True if further samples do not change the prior of a frame, or there is no IMU in use.
-  bool hasImuUntil(std::int64_t stamp_ns) const;
-
-  /// The gyroscope in use; null without one.
-  const Gyroscope* gyroscope() const { return gyroscope_ ? &*gyroscope_ : nullptr; }
-
-  /// The estimate of gravity in use; null without one.
-  const Gravity* gravity() const { return gravity_ ? &*gravity_ : nullptr; }
-
-  /// Takes poses by wheels, for wheels/enabled. \param T_base_body pose in the base of the frame
-  /// that they are of.
-  void addWheels(const std::vector<OdometrySample>& samples, const Eigen::Isometry3d& T_base_body);
-
-  /// True if further poses do not change the prior of a frame, or there are no wheels in use.
-  bool hasWheelsUntil(std::int64_t stamp_ns) const;
-
-  /// The wheels in use; null without.
-  const WheelOdometry* wheels() const { return wheels_ ? &*wheels_ : nullptr; }
-
-  /// Numbers of successive frames for which the IMU, or the wheels, gave nothing: samples come that
-  /// are not of the time of the images, or are too few.
-  int framesWithoutImu() const { return without_imu_; }
-  int framesWithoutWheels() const { return without_wheels_; }
+  /// IMU, wheels and floor, which take their samples between announce() and process().
+  PriorSources& priorSources() { return prior_sources_; }
+  const PriorSources& priorSources() const { return prior_sources_; }
 
   /// Resets the odometry; the base has this pose at the next frame.
   void reset(const Eigen::Isometry3d& T_odom_base);
@@ -106,13 +80,6 @@ class FrameProcessor {
   bool wasReset() const { return was_reset_; }
 
  private:
-  struct InfoPair {
-    sensor_msgs::CameraInfoConstPtr left;
-    sensor_msgs::CameraInfoConstPtr right;
-
-    bool operator==(const InfoPair& other) const;
-  };
-
   /// A pair of camera_infos and what is computed from them.
   struct Calibration {
     InfoPair infos;
@@ -132,11 +99,6 @@ class FrameProcessor {
   void takeMounting(const Eigen::Isometry3d& T_base_camera);
   void startOdometry();
   void continueOdometry();
-  void startImu();
-  void startGravity();
-  void startWheels();
-  void startFloor();
-  std::optional<MotionPrior> priorOf(std::int64_t stamp_ns);
   Parameters budgetedParameters() const;
 
   AllParameters parameters_;
@@ -144,16 +106,7 @@ class FrameProcessor {
   std::optional<Calibration> calibration_;
   Confirmation<InfoPair> other_infos_;
   std::optional<StereoOdometry> odometry_;
-  std::optional<Eigen::Isometry3d> T_base_imu_;
-  std::optional<Gyroscope> gyroscope_;
-  std::optional<Gravity> gravity_;                // only with a gyroscope
-  std::deque<ImuSample> early_samples_;           // before there was one
-  std::optional<Eigen::Isometry3d> T_base_body_;  // of the wheels
-  std::optional<WheelOdometry> wheels_;
-  std::deque<OdometrySample> early_wheel_samples_;
-  std::optional<PlanarFloor> floor_;
-  int without_imu_ = 0;
-  int without_wheels_ = 0;
+  PriorSources prior_sources_;
   Eigen::Isometry3d T_base_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d T_odom_base_;  // at the last frame, or initial pose of the next one
   std::optional<std::int64_t> last_stamp_ns_;

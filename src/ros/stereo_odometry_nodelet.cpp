@@ -1,5 +1,6 @@
 #include "ros/stereo_odometry_nodelet.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <exception>
@@ -13,9 +14,16 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kDiagnosticsPeriodS = 1.0;
 constexpr std::chrono::milliseconds kTransformRetry{20};
 constexpr std::chrono::milliseconds kMaskRetry{2};
+
+/// As diagnostic_updater, whose parameter it is.
+ros::WallDuration diagnosticsPeriod(const ros::NodeHandle& private_nh) {
+  constexpr double kShortest_s = 0.05;
+  constexpr double kLongest_s = 60.0;
+  const double period_s = private_nh.param("diagnostic_period", 1.0);
+  return ros::WallDuration(std::clamp(period_s, kShortest_s, kLongest_s));
+}
 
 bool expectsMasks(const NodeParameters& parameters) {
   return expectsMask(parameters, 0) || expectsMask(parameters, 1);
@@ -36,8 +44,7 @@ void StereoOdometryNodelet::stop() {
   mask_subscribers_.clear();
   if (queue_) queue_->stop();
   if (worker_.joinable()) worker_.join();  // it may subscribe to these until then
-  imu_.unsubscribe();
-  wheels_.unsubscribe();
+  prior_inputs_.reset();
   services_.clear();
   recorder_.reset();
   publishers_.reset();
@@ -67,12 +74,8 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
   processor_ = std::make_unique<FrameProcessor>(parameters);
   startRecorder();
   masks_ = std::make_unique<MaskBuffer>(parameters_);
-  if (parameters.core.imu.enabled) imu_.subscribe(nh);
-  if (usesTfGuess(parameters_)) {
-    guess_ = std::make_unique<TfGuess>(tf_buffer_, parameters_.guess_frame_id,
-                                       parameters_.base_frame_id);
-  }
-  enableWheels(parameters.core.wheels.enabled);
+  prior_inputs_ = std::make_unique<PriorInputs>(nh, getName(), parameters_, tf_buffer_, look_up_);
+  prior_inputs_->enable(parameters.core);
   const auto queue_size = static_cast<std::size_t>(parameters_.queue_size);
   const std::size_t without_masks =
       expectsMasks(parameters_) ? pairsWhile(parameters_.mask_wait_s) : 0;
@@ -95,7 +98,7 @@ void StereoOdometryNodelet::start(const AllParameters& parameters) {
       std::make_unique<Doctor>(nh, parameters_, getName(),
                                Doctor::Sources{subscriber_.get(), &tf_buffer_, diagnostics_.get()});
   diagnostics_timer_ = getNodeHandle().createWallTimer(
-      ros::WallDuration(kDiagnosticsPeriodS),
+      diagnosticsPeriod(private_nh),
       [this](const ros::WallTimerEvent&) { diagnostics_->update(*subscriber_); });
 }
 
@@ -202,12 +205,11 @@ void StereoOdometryNodelet::processSafely(const StereoMessages& messages) {
 void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   applyRequests();
   processor_->announce(toNanoseconds(messages.left->header.stamp));
-  takeImu(messages);
-  takeWheels(messages);
+  takePriors(messages.left->header.stamp);
   const auto begin = StageTimer::Clock::now();  // fewer features shorten no wait for samples
   const Eigen::Isometry3d T_base_header = mounting_.take(messages.left->header.frame_id);
   ProcessedFrame frame = processor_->process(messages, T_base_header);
-  frame.T_guess_base = T_guess_base_;
+  frame.T_guess_base = prior_inputs_->T_guess_base();
   if (frame.result.accepted()) recorder_->add(messages, frame);
   if (processor_->wasReset()) {
     NODELET_WARN("stamps jumped back: the odometry is reset to initial_pose");
@@ -242,13 +244,7 @@ void StereoOdometryNodelet::applyRequests() {
   }
   if (parameters) {
     processor_->setParameters(*parameters);
-    if (parameters->imu.enabled) {
-      imu_.subscribe(getNodeHandle());
-    } else {
-      imu_.unsubscribe();
-      diagnostics_->noteImu(std::nullopt);
-    }
-    enableWheels(parameters->wheels.enabled);
+    prior_inputs_->enable(*parameters);
   }
   if (!pose) return;
   processor_->reset(*pose);
@@ -275,139 +271,11 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
   }
 }
 
-/// The samples until a frame, for which it waits a bounded time: what it uses depends on stamps.
-void StereoOdometryNodelet::takeImu(const StereoMessages& messages) {
-  if (!imu_.enabled()) return;
-  const std::int64_t stamp_ns = toNanoseconds(messages.left->header.stamp);
-  imu_.takeUntil(
-      [this](const FramedSample<ImuSample>& imu) {
-        imu_sensor_.newest_ns = imu.sample.stamp_ns;
-        const Eigen::Isometry3d* T_base_imu = poseOf(imu.frame_id, &imu_sensor_);
-        if (T_base_imu != nullptr) processor_->addImu({imu.sample}, *T_base_imu);
-      },
-      [this, stamp_ns] { return processor_->hasImuUntil(stamp_ns); });
-  const Gyroscope* gyroscope = processor_->gyroscope();
-  SourceFacts facts;
-  facts.counts = imu_.counts();
-  facts.fault = imu_sensor_.fault;
-  facts.timeout = "no sample on " + getNodeHandle().resolveName("imu") + " for a second";
-  facts.frames_without = processor_->framesWithoutImu();
-  facts.newest_s = imu_sensor_.newestAfter(stamp_ns);
-  facts.unused["of a frame that tf does not know"] = imu_sensor_.unmounted;
-  if (gyroscope != nullptr) {
-    const ImuFaults& faults = gyroscope->faults();
-    facts.unused["of a stamp twice"] = faults.doubled;
-    facts.unused["too late"] = faults.late;
-    facts.unused["not finite"] = faults.not_finite;
-    facts.unused["saturated"] = faults.saturated;
-  }
-  warnIfSilent(facts, &imu_sensor_);
-  diagnostics_->noteImu(facts);
-}
-
-/// Once, when a source has been silent for so many frames; /diagnostics says it all the time.
-void StereoOdometryNodelet::warnIfSilent(const SourceFacts& facts, OtherSensor* sensor) const {
-  sensor->silent_frames = facts.counts.alive ? 0 : sensor->silent_frames + 1;
-  if (sensor->silent_frames == SourceFacts::kManyFrames) NODELET_WARN("%s", facts.timeout.c_str());
-}
-
-/// The pose of a sensor in the base. Null if it is not known: counted, named, and said in the log.
-const Eigen::Isometry3d* StereoOdometryNodelet::poseOf(const std::string& frame,
-                                                       OtherSensor* sensor) const {
-  try {
-    sensor->mounting.prepare(frame);
-    const Eigen::Isometry3d& T_base_sensor = sensor->mounting.take(frame);
-    sensor->fault.clear();
-    return &T_base_sensor;
-  } catch (const MessageError& error) {
-    sensor->fault = error.what();
-  } catch (const std::exception& error) {
-    sensor->fault = "no transform from " + parameters_.base_frame_id + " to the frame '" + frame +
-                    "' (" + error.what() + ")";
-  }
-  ++sensor->unmounted;
-  if (log_throttle_.passes("a sample is not used")) {
-    NODELET_WARN("a sample is not used: %s", sensor->fault.c_str());
-  }
-  return nullptr;
-}
-
-/// Unless tf has the wheels' odometry.
-void StereoOdometryNodelet::enableWheels(bool enabled) {
-  if (enabled && !guess_) {
-    wheels_.subscribe(getNodeHandle());
-  } else {
-    wheels_.unsubscribe();
-    if (!guess_) diagnostics_->noteWheels(std::nullopt);
-  }
-}
-
-/// As takeImu(). A message without child_frame_id is of the base.
-void StereoOdometryNodelet::takeWheels(const StereoMessages& messages) {
-  if (guess_) takeGuess(messages);
-  if (!guess_ && !wheels_.enabled()) return;
-  const std::int64_t stamp_ns = toNanoseconds(messages.left->header.stamp);
-  if (!guess_) {
-    wheels_.takeUntil(
-        [this](const FramedSample<OdometrySample>& pose) {
-          wheel_sensor_.newest_ns = pose.sample.stamp_ns;
-          const std::string& body =
-              pose.frame_id.empty() ? parameters_.base_frame_id : pose.frame_id;
-          const Eigen::Isometry3d* T_base_body = poseOf(body, &wheel_sensor_);
-          if (T_base_body != nullptr) processor_->addWheels({pose.sample}, *T_base_body);
-        },
-        [this, stamp_ns] { return processor_->hasWheelsUntil(stamp_ns); });
-  }
-  const WheelFacts facts = wheelFacts(stamp_ns);
-  if (!guess_) warnIfSilent(facts, &wheel_sensor_);
-  diagnostics_->noteWheels(facts);
-}
-
-WheelFacts StereoOdometryNodelet::wheelFacts(std::int64_t image_ns) const {
-  const WheelOdometry* wheels = processor_->wheels();
-  WheelFacts facts;
-  facts.frames_without = processor_->framesWithoutWheels();
-  facts.newest_s = wheel_sensor_.newestAfter(image_ns);
-  if (guess_) {
-    facts.counts.received = num_guesses_;
-    facts.counts.alive = T_guess_base_.has_value();
-    facts.timeout = "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
-                    " at the images' stamps (guess_frame_id); until then there is none from " +
-                    parameters_.odom_frame_id + " either";
-    facts.unused["missing in tf"] = missing_guesses_;
-  } else {
-    facts.counts = wheels_.counts();
-    facts.timeout =
-        "no pose by wheels on " + getNodeHandle().resolveName("prior_odom") + " for a second";
-    facts.unused["of a frame that tf does not know"] = wheel_sensor_.unmounted;
-  }
-  facts.fault = wheel_sensor_.fault;
-  if (wheels != nullptr) {
-    facts.trusted = wheels->isTrusted();
-    facts.unused["of a stamp twice"] = wheels->faults().doubled;
-    facts.unused["too late"] = wheels->faults().late;
-    facts.unused["not finite"] = wheels->faults().not_finite;
-  }
-  return facts;
-}
-
-void StereoOdometryNodelet::takeGuess(const StereoMessages& messages) {
-  const ros::Time& stamp = messages.left->header.stamp;
-  T_guess_base_ = guess_->lookUp(stamp);
-  if (!T_guess_base_) {
-    ++missing_guesses_;
-    if (log_throttle_.passes("no motion prior")) {
-      NODELET_WARN("no motion prior, and no tf from %s: tf has no %s -> %s at the image's stamp",
-                   parameters_.odom_frame_id.c_str(), parameters_.guess_frame_id.c_str(),
-                   parameters_.base_frame_id.c_str());
-    }
-    return;
-  }
-  ++num_guesses_;
-  OdometrySample sample;
-  sample.stamp_ns = toNanoseconds(stamp);
-  sample.T_odom_body = *T_guess_base_;
-  processor_->addWheels({sample}, Eigen::Isometry3d::Identity());
+void StereoOdometryNodelet::takePriors(const ros::Time& stamp) {
+  PriorSources& sources = processor_->priorSources();
+  prior_inputs_->takeUntil(stamp, &sources);
+  diagnostics_->noteImu(prior_inputs_->imuFacts(sources));
+  diagnostics_->noteWheels(prior_inputs_->wheelFacts(sources));
 }
 
 Eigen::Isometry3d StereoOdometryNodelet::lookUpMounting(const std::string& sensor) const {

@@ -28,12 +28,11 @@
 #include "ros/log_throttle.h"
 #include "ros/mask_buffer.h"
 #include "ros/node_parameters.h"
+#include "ros/prior_inputs.h"
 #include "ros/publishers.h"
 #include "ros/reconfiguration.h"
-#include "ros/sample_input.h"
 #include "ros/sensor_mounting.h"
 #include "ros/stereo_subscriber.h"
-#include "ros/tf_guess.h"
 
 namespace point_line_odometry {
 
@@ -74,33 +73,11 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   void applyRequests();
   bool isReady(const QueuedMessages& queued);
   bool knowsMounting(const StereoMessages& messages);
-  void takeImu(const StereoMessages& messages);
-  void enableWheels(bool enabled);
-  void takeWheels(const StereoMessages& messages);
-  WheelFacts wheelFacts(std::int64_t image_ns) const;
-  void takeGuess(const StereoMessages& messages);
-  /// Where another sensor is on the robot, and what is wrong with that.
-  struct OtherSensor {
-    explicit OtherSensor(SensorMounting of_sensor) : mounting(std::move(of_sensor)) {}
-
-    SensorMounting mounting;
-    std::uint64_t unmounted = 0;            // samples of which that is not known
-    std::string fault;                      // of the last sample, empty if there is none
-    std::optional<std::int64_t> newest_ns;  // stamp of the last sample
-    int silent_frames = 0;                  // in a row
-
-    std::optional<double> newestAfter(std::int64_t stamp_ns) const {
-      if (!newest_ns) return std::nullopt;
-      return toSeconds(*newest_ns - stamp_ns);
-    }
-  };
-
-  const Eigen::Isometry3d* poseOf(const std::string& frame, OtherSensor* sensor) const;
-  void warnIfSilent(const SourceFacts& facts, OtherSensor* sensor) const;
+  void takePriors(const ros::Time& stamp);
   Eigen::Isometry3d lookUpMounting(const std::string& sensor) const;
 
   NodeParameters parameters_;
-  mutable LogThrottle log_throttle_;
+  LogThrottle log_throttle_;
   std::atomic<bool> paused_{false};
   std::mutex request_mutex_;
   std::optional<Eigen::Isometry3d> requested_T_odom_base_;
@@ -120,14 +97,7 @@ class StereoOdometryNodelet : public nodelet::Nodelet {
   std::unique_ptr<FrameProcessor> processor_;
   std::unique_ptr<MaskBuffer> masks_;
   std::unique_ptr<FrameQueue<QueuedMessages>> queue_;
-  ImuInput imu_{"imu"};
-  OtherSensor imu_sensor_{{"imu", look_up_}};
-  WheelInput wheels_{"prior_odom"};
-  OtherSensor wheel_sensor_{{"prior_odom", look_up_}};
-  std::unique_ptr<TfGuess> guess_;                 // with guess_frame_id
-  std::optional<Eigen::Isometry3d> T_guess_base_;  // at the last frame
-  std::uint64_t num_guesses_ = 0;
-  std::uint64_t missing_guesses_ = 0;
+  std::unique_ptr<PriorInputs> prior_inputs_;
   std::thread worker_;
   std::vector<ros::Subscriber> mask_subscribers_;
   std::unique_ptr<StereoSubscriber> subscriber_;

@@ -1,5 +1,6 @@
 #include "tools/offline_run.h"
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 #include <utility>
@@ -17,6 +18,12 @@ double elapsedMs(Clock::time_point since) {
   return std::chrono::duration<double, std::milli>(Clock::now() - since).count();
 }
 
+template <typename Sample>
+void sortByStamp(std::vector<Sample>* samples) {
+  std::stable_sort(samples->begin(), samples->end(),
+                   [](const Sample& a, const Sample& b) { return a.stamp_ns < b.stamp_ns; });
+}
+
 }  // namespace
 
 OfflineRun::OfflineRun(StereoSource& source, const Parameters& parameters, RecordingReplay* replay)
@@ -27,35 +34,30 @@ OfflineRun::OfflineRun(StereoSource& source, const Parameters& parameters, Recor
   if (source.needsRectification()) {
     rectifier_ = std::make_unique<StereoRectifier>(source.calibration());
   }
-  if (parameters.imu.enabled && replay == nullptr) startImu();
-  if (replay == nullptr) startWheels();
+  if (replay == nullptr) startPriorSources();
 }
 
-void OfflineRun::startImu() {
-  imu_ = source_.imu();
-  if (!imu_ || imu_->samples.empty()) {
-    throw InputError(
-        "imu/enabled is true, but the input has no samples of an IMU: set it to false");
+void OfflineRun::startPriorSources() {
+  if (parameters_.imu.enabled) {
+    imu_ = source_.imu().value_or(ImuData());
+    if (imu_.samples.empty()) {
+      throw InputError(
+          "imu/enabled is true, but the input has no samples of an IMU: set it to false");
+    }
   }
-  Eigen::Isometry3d T_camera_imu = imu_->T_imu_camera.inverse();
-  if (rectifier_) T_camera_imu.prerotate(rectifier_->R_rectified_raw());
-  gyroscope_.emplace(parameters_.imu, T_camera_imu.linear());
-  if (parameters_.imu.use_gravity) gravity_.emplace(parameters_.imu, T_camera_imu);
-}
-
-void OfflineRun::startWheels() {
-  const Eigen::Isometry3d T_input_rectified = T_rectified_input().inverse();
-  if (parameters_.planar.enabled)
-    floor_.emplace(parameters_.planar, source_.T_base_camera() * T_input_rectified);
-  if (!parameters_.wheels.enabled) return;
-  std::optional<WheelData> data = source_.wheels();
-  if (!data) {
-    throw InputError(
-        "wheels/enabled is true, but the input has no odometry of wheels: set it to false, or name "
-        "a bag's topic by --wheel-topic");
+  if (parameters_.wheels.enabled) {
+    std::optional<WheelData> wheels = source_.wheels();
+    if (!wheels) {
+      throw InputError(
+          "wheels/enabled is true, but the input has no odometry of wheels: set it to false, or "
+          "name a bag's topic by --wheel-topic");
+    }
+    wheels_ = std::move(*wheels);
   }
-  wheels_.emplace(parameters_, data->T_body_camera * T_input_rectified);
-  wheel_samples_ = std::move(data->samples);
+  sortByStamp(&imu_.samples);
+  sortByStamp(&wheels_.samples);
+  prior_sources_.emplace(parameters_);
+  prior_sources_->setCamera(source_.T_base_camera() * T_rectified_input().inverse());
 }
 
 /// Of the camera before rectification.
@@ -92,19 +94,29 @@ std::optional<MotionPrior> OfflineRun::givenPrior(std::int64_t stamp_ns) {
 
 /// By gyroscope, wheels and floor.
 std::optional<MotionPrior> OfflineRun::measuredPrior(std::int64_t stamp_ns) {
-  while (gyroscope_ && next_sample_ < imu_->samples.size() && !gyroscope_->covers(stamp_ns))
-    gyroscope_->add(imu_->samples[next_sample_++]);
-  while (wheels_ && next_wheel_sample_ < wheel_samples_.size() && !wheels_->covers(stamp_ns))
-    wheels_->add(wheel_samples_[next_wheel_sample_++]);
-  if (!last_ns_ || stamp_ns <= *last_ns_) return std::nullopt;
-  std::vector<MotionPrior> priors;
-  const auto add = [&](const std::optional<MotionPrior>& prior) {
-    if (prior) priors.push_back(*prior);
+  PriorSources& sources = *prior_sources_;
+  const auto needs_imu = [&] { return !sources.gyroscope() || !sources.hasImuUntil(stamp_ns); };
+  const auto needs_wheels = [&] { return !sources.wheels() || !sources.hasWheelsUntil(stamp_ns); };
+  // A source that begins later, or has a gap, does not have the samples for this frame.
+  const auto is_near = [&](const auto& sample) {
+    constexpr std::int64_t kLatest_ns = 1'000'000'000;
+    return sample.stamp_ns <= stamp_ns + kLatest_ns;
   };
-  if (gyroscope_) add(gyroscope_->between(*last_ns_, stamp_ns));
-  if (wheels_) add(wheels_->between(*last_ns_, stamp_ns));
-  if (floor_) add(floor_->between(*last_ns_, stamp_ns));
-  return fused(priors);
+  const Eigen::Isometry3d T_base_input = source_.T_base_camera();
+  const Eigen::Isometry3d T_base_imu = T_base_input * imu_.T_imu_camera.inverse();
+  for (; next_imu_sample_ < imu_.samples.size(); ++next_imu_sample_) {
+    const ImuSample& sample = imu_.samples[next_imu_sample_];
+    if (!is_near(sample) || !needs_imu()) break;
+    sources.addImu(sample, T_base_imu);
+  }
+  const Eigen::Isometry3d T_base_body = T_base_input * wheels_.T_body_camera.inverse();
+  for (; next_wheel_sample_ < wheels_.samples.size(); ++next_wheel_sample_) {
+    const OdometrySample& sample = wheels_.samples[next_wheel_sample_];
+    if (!is_near(sample) || !needs_wheels()) break;
+    sources.addWheels(sample, T_base_body);
+  }
+  if (!last_ns_ || stamp_ns <= *last_ns_) return std::nullopt;
+  return sources.takePrior(*last_ns_, stamp_ns);
 }
 
 void OfflineRun::setPriors(PriorsByStamp priors) {
@@ -130,13 +142,13 @@ std::optional<PriorFileUse> OfflineRun::priorFileUse(bool left_out) const {
 }
 
 std::optional<GravityCalibration> OfflineRun::gravity() const {
-  if (!gravity_) return std::nullopt;
-  return gravity_->calibration();
+  if (!prior_sources_ || !prior_sources_->gravity()) return std::nullopt;
+  return prior_sources_->gravity()->calibration();
 }
 
 std::optional<GyroscopeCalibration> OfflineRun::gyroscope() const {
-  if (!gyroscope_) return std::nullopt;
-  return gyroscope_->calibration();
+  if (!prior_sources_ || !prior_sources_->gyroscope()) return std::nullopt;
+  return prior_sources_->gyroscope()->calibration();
 }
 
 void OfflineRun::setTargetFrameTime(double target_ms) {
@@ -155,16 +167,17 @@ bool OfflineRun::step() {
   left_mask_ = images->left_mask;
   if (replay_ != nullptr) replay_->prepare(images->stamp_ns, &odometry_);
   const std::optional<MotionPrior> prior = priorOf(images->stamp_ns);
-  if (gravity_) {
-    if (const auto tilt = gravity_->takeCorrection()) odometry_.correctTilt(*tilt);
+  if (prior_sources_) {
+    if (const auto tilt = prior_sources_->takeTiltCorrection()) odometry_.correctTilt(*tilt);
   }
   result_ = odometry_.process(*images, prior ? &*prior : nullptr);
-  if (gyroscope_) gyroscope_->update(result_);
-  if (gravity_) gravity_->update(result_, *gyroscope_);
-  if (wheels_) wheels_->update(result_);
-  if (floor_) floor_->update(result_);
-  if (result_.accepted()) last_ns_ = images->stamp_ns;
+  if (prior_sources_) prior_sources_->update(result_);
   if (replay_ != nullptr) replay_->compare(result_);
+  if (!result_.accepted()) {
+    ++refused_[result_.reason];
+    return true;
+  }
+  last_ns_ = images->stamp_ns;
   rows_.push_back({{images->stamp_ns, poseOfInputCamera(result_.T_odom_camera)},
                    result_.state,
                    result_.reason,
@@ -184,7 +197,7 @@ bool OfflineRun::step() {
 
 void OfflineRun::adaptBudget(double frame_ms) {
   const double before = budget_.budget();
-  if (result_.accepted() && budget_.addFrame(frame_ms) != before)
+  if (budget_.addFrame(frame_ms) != before)
     odometry_.setParameters(withFeatureBudget(parameters_, budget_.budget()));
 }
 

@@ -1,19 +1,20 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <map>
 #include <memory>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <set>
 #include <vector>
 
+#include "dataset/imu_data.h"
+#include "dataset/wheel_data.h"
 #include "odometry/adaptive_feature_budget.h"
-#include "point_line_odometry/gravity.h"
-#include "point_line_odometry/gyroscope.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
-#include "point_line_odometry/wheel_odometry.h"
+#include "priors/prior_sources.h"
 #include "tools/prior_file.h"
 #include "tools/recording_replay.h"
 #include "tools/run_report.h"
@@ -21,7 +22,7 @@
 
 namespace point_line_odometry {
 
-/// Runs the odometry on a source and collects a row for each frame.
+/// Runs the odometry on a source and collects a row for each frame that it accepts.
 class OfflineRun {
  public:
   /// \param replay of the recording that the source is of, or null.
@@ -44,6 +45,10 @@ class OfflineRun {
   StereoOdometry* odometry() { return &odometry_; }
   const std::vector<FrameRow>& rows() const { return rows_; }
   std::vector<std::int64_t> stamps() const;  ///< of the rows [ns]
+
+  /// Frames without a row: the odometry did not accept them.
+  const std::map<TrackingReason, std::size_t>& refused() const { return refused_; }
+
   const ResidualHistogram& pointResiduals() const { return point_residuals_; }
   const ResidualHistogram& lineResiduals() const { return line_residuals_; }
 
@@ -65,8 +70,7 @@ class OfflineRun {
   /// covariance is in the axes of odom.
   FrameUncertainty uncertaintyOfInputCamera(const FrameResult& result) const;
 
-  void startImu();
-  void startWheels();
+  void startPriorSources();
   Eigen::Isometry3d T_rectified_input() const;
   std::optional<MotionPrior> priorOf(std::int64_t stamp_ns);
   std::optional<MotionPrior> givenPrior(std::int64_t stamp_ns);
@@ -79,13 +83,10 @@ class OfflineRun {
   std::unique_ptr<StereoRectifier> rectifier_;
   Parameters parameters_;  // of the whole budget
   AdaptiveFeatureBudget budget_{0.0};
-  std::optional<Gyroscope> gyroscope_;
-  std::optional<Gravity> gravity_;
-  std::optional<ImuData> imu_;
-  std::size_t next_sample_ = 0;
-  std::optional<WheelOdometry> wheels_;
-  std::optional<PlanarFloor> floor_;
-  std::vector<OdometrySample> wheel_samples_;
+  std::optional<PriorSources> prior_sources_;  // none for a replay
+  ImuData imu_;
+  std::size_t next_imu_sample_ = 0;
+  WheelData wheels_;
   std::size_t next_wheel_sample_ = 0;
   std::optional<PriorsByStamp> priors_;
   std::set<std::int64_t> matched_priors_;  // by their ends
@@ -94,6 +95,7 @@ class OfflineRun {
   cv::Mat left_mask_;
   FrameResult result_;
   std::vector<FrameRow> rows_;
+  std::map<TrackingReason, std::size_t> refused_;
   ResidualHistogram point_residuals_;
   ResidualHistogram line_residuals_;
 };

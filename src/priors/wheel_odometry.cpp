@@ -6,8 +6,7 @@
 
 #include "common/bounded_samples.h"
 #include "geometry/se3.h"
-#include "motion/prior_agreement.h"
-#include "motion/prior_factor.h"
+#include "priors/prior_agreement.h"
 
 namespace point_line_odometry {
 namespace {
@@ -98,14 +97,6 @@ MotionPrior priorOfBody(const Isometry3d& motion, const Vector6d& deviations, st
 /// Whether priors can be compared with a frame's motion by the images.
 bool isComparable(const FrameResult& result) {
   return result.state == TrackingState::kOk && result.image_motion;
-}
-
-bool agrees(const MotionPrior& prior, const ImageMotion& images) {
-  const PriorFactor factor(prior);
-  PriorReport report;
-  report.axes = factor.axes();
-  report.chi_square = factor.chiSquare(images.T_prev_curr.inverse(), images.covariance);
-  return PriorFactor::agrees(report);
 }
 
 }  // namespace
@@ -257,13 +248,11 @@ void WheelOdometry::update(const FrameResult& result) {
   updated_ns_ = result.stamp_ns;
   if (isComparable(result)) {
     if (const auto prior = measure(result.image_motion->from_ns, result.stamp_ns))
-      updateRejectedShare(agrees(*prior, *result.image_motion), &rejected_share_);
+      trust_.update(agrees(*prior, *result.image_motion));
   }
   const std::int64_t first_ns = result.stamp_ns - nanoseconds(kKept_s);
   while (!samples_.empty() && samples_.front().stamp_ns < first_ns) samples_.pop_front();
 }
-
-bool WheelOdometry::isTrusted() const { return rejected_share_ <= kMaxRejectedShare; }
 
 void WheelOdometry::clear() {
   samples_.clear();
@@ -288,9 +277,7 @@ void PlanarFloor::update(const FrameResult& result) {
   if (!isComparable(result)) return;
   const MotionPrior prior =
       planarPrior(parameters_, T_body_camera_, result.image_motion->from_ns, result.stamp_ns);
-  updateRejectedShare(agrees(prior, *result.image_motion), &rejected_share_);
+  trust_.update(agrees(prior, *result.image_motion));
 }
-
-bool PlanarFloor::isTrusted() const { return rejected_share_ <= kMaxRejectedShare; }
 
 }  // namespace point_line_odometry

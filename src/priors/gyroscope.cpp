@@ -6,6 +6,7 @@
 
 #include "common/bounded_samples.h"
 #include "geometry/se3.h"
+#include "priors/prior_agreement.h"
 
 namespace point_line_odometry {
 namespace {
@@ -79,24 +80,28 @@ Matrix4d firstCovariance(const ImuParameters& parameters) {
 }  // namespace
 
 Gyroscope::Gyroscope(const ImuParameters& parameters, const Matrix3d& R_camera_imu)
-    : parameters_(parameters), R_camera_imu_(R_camera_imu) {
-  startFilter();
+    : parameters_(parameters),
+      R_camera_imu_(R_camera_imu),
+      covariance_(firstCovariance(parameters)) {
+  startTimeOffset();
 }
 
-void Gyroscope::startFilter() {
-  state_ << Vector3d::Zero(), parameters_.time_offset_s;
-  covariance_ = firstCovariance(parameters_);
+void Gyroscope::startTimeOffset() {
+  state_[3] = parameters_.time_offset_s;
+  covariance_.row(3).setZero();
+  covariance_.col(3).setZero();
+  covariance_(3, 3) = firstCovariance(parameters_)(3, 3);
 }
 
 void Gyroscope::setParameters(const ImuParameters& parameters) {
   const bool other_offset = parameters.time_offset_s != parameters_.time_offset_s ||
                             parameters.estimate_time_offset != parameters_.estimate_time_offset;
   parameters_ = parameters;
-  if (other_offset) startFilter();
+  if (other_offset) startTimeOffset();
 }
 
 void Gyroscope::add(const ImuSample& sample) {
-  if (!sample.angular_velocity.allFinite() || !sample.acceleration.allFinite()) {
+  if (!sample.angular_velocity.allFinite()) {
     ++faults_.not_finite;
     return;
   }
@@ -127,6 +132,10 @@ bool Gyroscope::covers(std::int64_t frame_ns) const {
 }
 
 std::optional<MotionPrior> Gyroscope::between(std::int64_t from_ns, std::int64_t to_ns) const {
+  return isTrusted() ? measure(from_ns, to_ns) : std::nullopt;
+}
+
+std::optional<MotionPrior> Gyroscope::measure(std::int64_t from_ns, std::int64_t to_ns) const {
   const std::optional<Rotation> rotation = integrate(from_ns, to_ns);
   if (!rotation) return std::nullopt;
   const Matrix3d covariance =
@@ -144,9 +153,11 @@ std::optional<MotionPrior> Gyroscope::between(std::int64_t from_ns, std::int64_t
 
 std::optional<SpecificForce> Gyroscope::forceBetween(std::int64_t from_ns,
                                                      std::int64_t to_ns) const {
-  std::optional<Rotation> rotation = integrate(from_ns, to_ns);
+  if (!isTrusted()) return std::nullopt;
+  const std::optional<Rotation> rotation = integrate(from_ns, to_ns);
   if (!rotation) return std::nullopt;
   SpecificForce force = rotation->force;
+  if (!std::isfinite(force.squares)) return std::nullopt;  // no accelerometer
   force.sum = R_camera_imu_ * force.sum;
   force.moment = R_camera_imu_ * force.moment;
   force.rotation_sum = R_camera_imu_ * force.rotation_sum;
@@ -209,6 +220,8 @@ void Gyroscope::update(const FrameResult& result) {
   updated_ns_ = result.stamp_ns;
   if (result.state == TrackingState::kOk && result.image_motion) {
     const ImageMotion& images = *result.image_motion;
+    if (const auto prior = measure(images.from_ns, result.stamp_ns))
+      trust_.update(agrees(*prior, images));
     const std::optional<Rotation> rotation = integrate(images.from_ns, result.stamp_ns);
     const bool stationary = result.twist.isZero(0.0);
     if (rotation && stationary) {

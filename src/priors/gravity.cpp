@@ -60,6 +60,12 @@ void Gravity::restart() {
   correction_.reset();
 }
 
+void Gravity::continueAfterGap(const Eigen::Isometry3d& T_camera_imu) {
+  T_camera_imu_ = T_camera_imu;
+  window_.clear();
+  correction_.reset();
+}
+
 void Gravity::update(const FrameResult& result, const Gyroscope& gyroscope) {
   if (!result.accepted()) return;
   correction_.reset();  // of an earlier pose
@@ -222,8 +228,8 @@ void Gravity::start(const Measurement& measurement) {
 void Gravity::grow(const Matrix3d& rotation_covariance) {
   covariance_.topLeftCorner<3, 3>() += positive(rotation_covariance - pose_covariance_);
   pose_covariance_ = rotation_covariance;
-  const double walk = std::pow(parameters_.accelerometer_random_walk, 2) *
-                      seconds(window_.back().stamp_ns - updated_ns_);
+  const double since_s = seconds(window_.back().stamp_ns - updated_ns_);
+  const double walk = std::pow(parameters_.accelerometer_random_walk, 2) * std::max(since_s, 0.0);
   covariance_.diagonal().tail<3>().array() += walk;
 }
 
