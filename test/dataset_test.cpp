@@ -143,6 +143,20 @@ TEST_F(KittiDatasetTest, FindsPosesAtThePathOfThePublishedDataSet) {
   EXPECT_EQ(StereoDataset::open(sequence + "/").groundTruth().size(), 3U);
 }
 
+TEST_F(KittiDatasetTest, RefusesNamesWhoseOrderIsNotThatOfTheirNumbers) {
+  for (const char* name : {"image_0", "image_1"}) {
+    fs::rename(file(std::string(name) + "/000000.png"), file(std::string(name) + "/2.png"));
+    fs::rename(file(std::string(name) + "/000001.png"), file(std::string(name) + "/10.png"));
+  }
+  expectRefused({"image_0", "different numbers of digits", "000000.png"});
+}
+
+TEST_F(KittiDatasetTest, RefusesPosesThatAreNone) {
+  writeText(file("poses.txt"),
+            "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 1 0 0 0 0 1 0\n0 0 0 0 0 0 0 0 0 0 0 0\n");
+  expectRefused({"poses.txt", "row 3", "rotation"});
+}
+
 TEST_F(KittiDatasetTest, RefusesMissingFolder) {
   fs::remove_all(folder());
   expectRefused({"does not exist", "check the path"});

@@ -676,6 +676,9 @@ TEST(PairTrendTest, IsResetByAnotherCalibration) {
   for (std::size_t i = 0; i < PairTrend::kWindow; ++i) checks.measure(set(info));
   EXPECT_TRUE(checks.facts(InputFacts(), tf).vertical_drift_px);
   checks.measure(set(other));
+  EXPECT_TRUE(checks.facts(InputFacts(), tf).vertical_drift_px) << "one bad message";
+  EXPECT_EQ(checks.facts(InputFacts(), tf).calibration_change, "right/camera_info: P");
+  for (int i = 1; i < kConfirmations; ++i) checks.measure(set(other));
   EXPECT_FALSE(checks.facts(InputFacts(), tf).vertical_drift_px);
 }
 

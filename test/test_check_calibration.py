@@ -88,6 +88,26 @@ class CheckCalibrationTest(ToolTest):
         self.assertLess(figure(again, "vertical disparity")[0],
                         0.3 * figure(report, "vertical disparity")[0])
 
+    def test_says_what_it_cannot_correct(self):
+        output, _ = self.check(WORLD, "given", "--write")
+
+        def raise_by_eight_rows(camera):
+            camera["camera_matrix"]["data"][5] += 8.0
+        change_yaml(os.path.join(output, "right.yaml"), raise_by_eight_rows)
+        result = run("check_calibration", WORLD, "-o", self.path("wrong"), "--write", "--quiet",
+                     *self.infos(output))
+        self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+        self.assertIn("does not agree with the images", result.stdout)
+        self.assertIn("no calibration is written", result.stdout)
+        self.assertEqual(os.listdir(self.path("wrong")), ["calibration.png"])
+
+        def raise_by_forty_rows(camera):
+            camera["camera_matrix"]["data"][5] += 32.0
+        change_yaml(os.path.join(output, "right.yaml"), raise_by_forty_rows)
+        for arguments in ((WORLD, *self.infos(output)), (WORLD + ",lights_out_s=100",)):
+            self.refuse("too few to tell anything", "check_calibration", *arguments, "--quiet",
+                        "-o", self.path("nothing"), "--write")
+
     def test_bag_and_folder_give_the_same(self):
         bag = self.path("world.bag")
         self.succeed("dataset_to_bag", "synthetic:street,frames=12", bag, "--quiet")
@@ -109,6 +129,8 @@ class CheckCalibrationTest(ToolTest):
         self.refuse("only 2 pairs", tool, WORLD, "--max-frames", "2", "--quiet")
         self.refuse("--max-frames is 0", tool, WORLD, "--max-frames", "0")
         self.refuse("--seconds", tool, "live", "--seconds", "0")
+        self.refuse("is for the input 'live'", tool, WORLD, "--seconds", "3")
+        self.refuse("is for bags", tool, "live", "--left-topic", "/a")
         self.refuse("--rectify must be", tool, "live", "--rectify=perhaps")
         self.refuse("does not exist", tool, WORLD, "--right-camera-info", self.path("none.yaml"))
         output, _ = self.check("synthetic:street,frames=10", "small", "--write")

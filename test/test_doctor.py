@@ -12,7 +12,7 @@ import unittest
 import genpy
 import rosbag
 
-from doctor_fixture import SUBJECTS_WITH_IMU, ReportChecks, parse
+from doctor_fixture import SUBJECTS, SUBJECTS_WITH_IMU, ReportChecks, parse
 from tool_fixture import data_folder, run
 
 
@@ -117,6 +117,53 @@ class BagTest(unittest.TestCase, ReportChecks):
         self.check_bag(self.make_bag(spoil), {
             "calibration": ("ERROR", "right/camera_info: P is all zero", "camera_calibration")})
 
+    def test_one_bad_pair_among_good_ones(self):
+        def change_of(index, ending, change):
+            seen = []
+
+            def apply(topic, message):
+                if topic.endswith(ending):
+                    seen.append(topic)
+                    if len(seen) == index:
+                        change(message)
+                return [(topic, message)]
+            return apply
+
+        def cut(message):
+            message.data = message.data[:100]
+
+        def double(message):
+            message.P = [2.0 * p for p in message.P]
+        lines = self.check_bag(self.make_bag(change_of(3, "left/image_rect", cut)), {
+            "images": ("WARN", "some pairs cannot be used", "data has 100 bytes")})
+        self.assertEqual(lines["speed"][0], "ok")
+        lines = self.check_bag(self.make_bag(change_of(6, "left/camera_info", double)), {
+            "calibration": ("WARN", "left/camera_info: P is not the same", "one driver")})
+        self.assertEqual(lines["rectification"][0], "ok")
+
+    def test_masks_of_the_bag_are_used(self):
+        def add_mask(topic, message):
+            if not topic.endswith("image_rect"):
+                return [(topic, message)]
+            mask = copy.deepcopy(message)
+            rows = mask.height // 2
+            mask.data = b"\xff" * (rows * mask.step) + bytes((mask.height - rows) * mask.step)
+            return [(topic, message), (topic.replace("image_rect", "mask_image"), mask)]
+        result = run("doctor", self.make_bag(add_mask))
+        self.assertEqual(result.stderr, "")
+        self.assertRegex(result.stdout, r"ok +masks +.*50 %")
+
+    def test_images_begin_later_than_their_calibration(self):
+        def early(topic, message):
+            return [(topic, message)]
+        bag = self.make_bag(early)
+        with rosbag.Bag(self.made) as source, rosbag.Bag(bag, "w") as target:
+            for topic, message, stamp in source.read_messages():
+                if topic.endswith("left/camera_info"):
+                    target.write(topic, message, stamp - genpy.Duration(0.9))
+                target.write(topic, message, stamp)
+        self.check_bag(bag, {}, "--seconds", "0.6")
+
     def test_missing_transform(self):
         bag = self.make_bag(lambda topic, message: [(topic, message)] if "tf" not in topic else [])
         self.check_bag(bag, {"tf": ("WARN", "no transform from base_link to left_camera",
@@ -160,7 +207,9 @@ class BagTest(unittest.TestCase, ReportChecks):
 
     def test_what_cannot_be_checked(self):
         none = os.path.join(self.folder, "none.bag")
-        for words, *arguments in (("cannot be read", none), ("--seconds", none, "--seconds", "0"),
+        for words, *arguments in (("does not exist", none), ("--transport", none, "--transport", "raw"),
+                                  ("--right-topic", self.made, "--left-topic", "/a/img"),
+                                  ("is for bags", "--left-topic", "/a"), ("--seconds", none, "--seconds", "0"),
                                   ("--approximate-sync", none, "--approximate-sync", "7"),
                                   ("--help", none, "--no-such-option")):
             result = run("doctor", *arguments)
@@ -308,8 +357,13 @@ class SequenceBagTest(unittest.TestCase, ReportChecks):
             with self.subTest(sequence=name):
                 bag = self.make_bag(data_folder(name), "--max-frames", "40")
                 result = run("doctor", bag)
-                for subject, (level, text) in parse(result.stdout).items():
-                    if subject != "speed":  # of this computer
+                self.assertIn(result.returncode, (0, 1), result.stderr)
+                lines = parse(result.stdout)
+                self.assertEqual([name for name in lines if name != "imu"], SUBJECTS)
+                for subject, (level, text) in lines.items():
+                    if subject in ("images", "calibration", "rectification", "disparity"):
+                        self.assertEqual(level, "ok", subject + ": " + text)
+                    elif subject != "speed":  # of this computer
                         self.assertIn(level, ("ok", "?"), subject + ": " + text)
 
 

@@ -115,6 +115,35 @@ class ReportTest(ToolTest):
         self.assertIn("give the folder", result.stderr)
         self.assertEqual(os.listdir(self.path("empty")), [])
 
+    def test_damaged_results_are_refused_in_one_sentence(self):
+        output, _ = self.make("synthetic:corridor,seed=4,frames=4", "whole")
+
+        def cut_frames(folder):
+            name = os.path.join(folder, "frames.csv")
+            text = read(name).decode()
+            with open(name, "w") as file:
+                file.write(text[:-200])
+
+        def drop_pose(folder):
+            name = os.path.join(folder, "trajectory.tum")
+            rows = read(name).decode().splitlines(True)
+            with open(name, "w") as file:
+                file.writelines(rows[:-1])
+
+        def write_summary(text):
+            def apply(folder):
+                with open(os.path.join(folder, "summary.json"), "w") as file:
+                    file.write(text)
+            return apply
+        for i, damage in enumerate((cut_frames, drop_pose, write_summary("[]"),
+                                    write_summary('{"input": "x"}'), write_summary("{"))):
+            folder = self.path(f"damaged_{i}")
+            shutil.copytree(output, folder)
+            damage(folder)
+            result = run("report_run", folder)
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertRegex(result.stderr, r"\Areport_run: .*\n\Z")
+
     def test_results_are_complete_without_matplotlib(self):
         no_matplotlib = self.path("modules")
         os.makedirs(no_matplotlib)

@@ -6,6 +6,7 @@ sequences are looked for in POINT_LINE_ODOMETRY_DATA, else in ../shared/data bes
 repository; without them the tests that need them are skipped.
 """
 
+import copy
 import csv
 import json
 import os
@@ -19,6 +20,8 @@ import time
 import unittest
 
 import rosbag
+from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import String
 
 from tool_fixture import (BASELINE_M, FOCAL_PX, FRAMES, HEIGHT, WIDTH, ToolTest, cut_off,
                           data_folder, find_program, read, write, write_png)
@@ -83,6 +86,51 @@ class OfflineOdometryTest(ToolTest):
         self.offline(self.kitti, "out")
         os.remove(os.path.join(self.kitti, "poses.txt"))
         self.assertNotIn("groundtruth.tum", os.listdir(self.offline(self.kitti, "out")))
+
+    def test_replaces_only_what_it_has_written(self):
+        output = self.path("out")
+        os.makedirs(os.path.join(output, "features"))
+        for name in ("groundtruth.tum", "notes.txt", os.path.join("features", "notes.txt")):
+            write(os.path.join(output, name), "mine")
+        arguments = ("offline_odometry", self.kitti, "-o", output, "--quiet")
+        self.refuse(["groundtruth.tum' exists already", "remove it"], *arguments)
+        os.remove(os.path.join(output, "groundtruth.tum"))
+        self.refuse(["features' exists already"], *arguments, "--features-images", 1)
+        self.succeed(*arguments)
+        self.assertEqual(read(os.path.join(output, "notes.txt")), b"mine")
+        self.assertEqual(read(os.path.join(output, "features", "notes.txt")), b"mine")
+        self.assertEqual(sorted(os.listdir(output)), sorted(RESULTS + ["features", "notes.txt"]))
+        shutil.rmtree(os.path.join(output, "features"))
+        self.succeed(*arguments, "--features-images", 1)
+        self.assertEqual(len(os.listdir(os.path.join(output, "features"))), FRAMES)
+        write(os.path.join(output, "report.html"), "of that run")
+        self.succeed(*arguments)  # nothing of the run before is left beside its results
+        self.assertEqual(sorted(os.listdir(output)), sorted(RESULTS + ["notes.txt"]))
+
+    def test_frames_that_are_refused_are_named_and_left_out(self):
+        write(os.path.join(self.kitti, "times.txt"), "0.0\n0.1\n0.1\n0.2\n")
+        output = self.path("out")
+        result = self.succeed("offline_odometry", self.kitti, "-o", output)
+        self.assertIn("1 frames were not accepted by the odometry: stamp_not_newer", result.stderr)
+        self.assertIn("1 stamp_not_newer", result.stdout)
+        self.assertEqual(self.stamps(output), [0.0, 0.1, 0.2])
+        with open(os.path.join(output, "summary.json")) as file:
+            summary = json.load(file)
+        self.assertEqual((summary["frames"], summary["refused_frames"]),
+                         (FRAMES - 1, {"stamp_not_newer": 1}))
+        self.assertEqual(len(summary["warnings"]), 1)
+        self.succeed("evaluate_trajectory", "--groundtruth",
+                     os.path.join(output, "groundtruth.tum"), "--estimate",
+                     os.path.join(output, "trajectory.tum"))
+        write(os.path.join(self.kitti, "times.txt"), "0.3\n0.2\n0.1\n0.0\n")
+        result = self.succeed("offline_odometry", self.kitti, "-o", output, "--quiet")
+        self.assertIn("3 frames were not accepted", result.stderr)
+
+    def test_refuses_options_for_another_kind_of_input(self):
+        for options in (("--left-topic", "/a"), ("--approximate-sync", 0.01), ("--imu-topic", "/a"),
+                        ("--wheel-topic", "/a"), ("--mask-images",)):
+            self.refuse([options[0], "is for bags"], "offline_odometry", self.kitti, "-o",
+                        self.path("out"), *options)
 
     def test_prints_table_and_progress(self):
         result = self.succeed("offline_odometry", self.kitti, "-o", self.path("out"))
@@ -418,6 +466,97 @@ class BagInputTest(ToolTest):
             summary = json.load(file)
         self.assertEqual((summary["frames"], summary["unpaired_images"]), (FRAMES - 1, 1))
 
+    def warnings_of(self, bag, *options):
+        """(number of frames, what is printed on stderr) of a run on a bag."""
+        output = self.path("out")
+        result = self.succeed("offline_odometry", bag, "-o", output, "--quiet", *options)
+        with open(os.path.join(output, "summary.json")) as file:
+            summary = json.load(file)
+        for warning in summary["warnings"]:
+            self.assertIn(warning, result.stderr)
+        return summary["frames"], "\n".join(summary["warnings"])
+
+    def test_pairs_nearest_stamps(self):
+        """The left camera begins a frame late: each left image has a right one of the same stamp."""
+        seen = []
+
+        def late(topic, message):
+            seen.append(topic)
+            first = topic.endswith("left/image_rect") and seen.count(topic) == 1
+            return [] if first else [(topic, message)]
+        bag = self.make_bag(late)
+        exact = self.offline(bag, "exact")
+        self.assertSameFile("trajectory.kitti", exact,
+                            self.offline(bag, "near", "--approximate-sync", 0.11))
+
+    def test_a_wild_stamp_costs_one_pair(self):
+        seen = []
+
+        def wild(topic, message):
+            seen.append(topic)
+            if topic.endswith("left/image_rect") and seen.count(topic) == 2:
+                message.header.stamp.secs = 4000000000
+            return [(topic, message)]
+        frames, warnings = self.warnings_of(self.make_bag(wild))
+        self.assertEqual(frames, FRAMES - 1)
+        self.assertIn("1 images are not used for their stamps", warnings)
+        self.assertIn("/stereo/left/image_rect: stamp 4000000000", warnings)
+
+    def test_a_damaged_image_costs_one_pair(self):
+        seen = []
+
+        def damage(topic, message):
+            seen.append(topic)
+            if topic.endswith("left/image_rect") and seen.count(topic) == 3:
+                message.data = message.data[:100]
+            return [(topic, message)]
+        frames, warnings = self.warnings_of(self.make_bag(damage))
+        self.assertEqual(frames, FRAMES - 1)
+        self.assertIn("1 pairs are not used", warnings)
+        self.assertIn("1.2", warnings)  # its stamp
+
+    def test_one_other_calibration_changes_nothing(self):
+        seen = []
+
+        def change(topic, message):
+            seen.append(topic)
+            if topic.endswith("right/camera_info") and seen.count(topic) == 3:
+                message.P = [2.0 * p for p in message.P]
+            return [(topic, message)]
+        frames, warnings = self.warnings_of(self.make_bag(change))
+        self.assertEqual(frames, FRAMES)
+        self.assertIn("P on '/stereo/right/camera_info'", warnings)
+
+    def test_compressed_images_are_named(self):
+        def compress(topic, message):
+            if not topic.endswith("image_rect"):
+                return [(topic, message)]
+            return [(topic + "/compressed", CompressedImage(header=message.header, format="jpeg"))]
+        self.refuse_bag(["/stereo/left/image_rect/compressed", "republish"],
+                        self.make_bag(compress))
+
+    def test_one_of_two_imus(self):
+        """That in the camera's namespace, or the one that is named."""
+        bag = self.path("imus.bag")
+        self.succeed("dataset_to_bag", "synthetic:street,frames=6", self.path("one.bag"), "--quiet")
+        use = ("--set", "imu/enabled=true")
+        alone = self.offline(self.path("one.bag"), "alone", *use)
+        for other, options in (("/base/imu", ()), ("/stereo/imu", ("--imu-topic", "/front/imu"))):
+            with rosbag.Bag(self.path("one.bag")) as source, rosbag.Bag(bag, "w") as target:
+                for topic, message, stamp in source.read_messages():
+                    if topic == "/stereo/imu" and options:
+                        target.write("/front/imu", message, stamp)
+                    elif topic == "/stereo/imu":
+                        target.write(topic, message, stamp)
+                    if topic != "/stereo/imu":
+                        target.write(topic, message, stamp)
+                        continue
+                    turned = copy.deepcopy(message)
+                    turned.angular_velocity.z += 1.0
+                    target.write(other, turned, stamp)
+            self.assertSameFile("trajectory.tum", alone, self.offline(bag, "two", *use, *options))
+        self.refuse_bag(["no IMU '/nix'", "/front/imu"], bag, *use, "--imu-topic", "/nix")
+
     def test_refuses_unknown_encoding(self):
         def bayer(topic, message):
             if "image" in topic:
@@ -434,7 +573,7 @@ class BagInputTest(ToolTest):
 
     def test_refuses_changing_calibration(self):
         def changing(topic, message):
-            if "camera_info" in topic and message.header.stamp.to_sec() > 1.25:
+            if "camera_info" in topic and message.header.stamp.to_sec() > 1.05:
                 message.P = [2.0 * p for p in message.P]
             return [(topic, message)]
         self.refuse_bag("changes its calibration", self.make_bag(changing))
@@ -536,7 +675,19 @@ class DatasetToBagTest(ToolTest):
         self.refuse("name space", "dataset_to_bag", self.kitti, bag, "--namespace", "a b")
         self.refuse("cannot be written", "dataset_to_bag", self.kitti, self.path("nix", "out.bag"))
         self.refuse("does not exist", "dataset_to_bag", self.path("nix"), bag)
-        self.refuse("cannot be written", "dataset_to_bag", self.kitti, self.kitti)
+        self.refuse("exists already", "dataset_to_bag", self.kitti, self.kitti)
+
+    def test_replaces_only_its_own_bags(self):
+        bag = self.path("mine.bag")
+        with rosbag.Bag(bag, "w") as mine:
+            mine.write("/notes", String("mine"))
+        before = read(bag)
+        for tool, source in (("dataset_to_bag", self.kitti), ("dataset_to_bag", "synthetic:street")):
+            self.refuse(["mine.bag' exists already", "remove it"], tool, source, bag, "--quiet",
+                        "--max-frames", 1)
+        self.assertEqual(read(bag), before)
+        for _ in range(2):
+            self.succeed("dataset_to_bag", self.kitti, self.path("own.bag"), "--quiet")
 
     def test_failure_leaves_the_older_bag(self):
         bag = self.make_bag()

@@ -85,13 +85,13 @@ void writeMatrix(std::ostream& out, const char* name, Eigen::Index rows, Eigen::
 }  // namespace
 
 CameraCalibration readCameraInfo(const std::string& file) {
-  if (!isFile(file)) fail("camera_info file ", quoted(file), " does not exist: check the path");
+  if (!isFile(file)) fail("camera_info file ", inQuotes(file), " does not exist: check the path");
   try {
     return readCamera(YAML::LoadFile(file));
   } catch (const YAML::Exception& error) {
-    fail("camera_info file ", quoted(file), " is no yaml of camera_calibration: ", error.what());
+    fail("camera_info file ", inQuotes(file), " is no yaml of camera_calibration: ", error.what());
   } catch (const std::invalid_argument& error) {
-    fail("camera_info file ", quoted(file), " is no yaml of camera_calibration: ", error.what());
+    fail("camera_info file ", inQuotes(file), " is no yaml of camera_calibration: ", error.what());
   }
 }
 

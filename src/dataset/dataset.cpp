@@ -31,18 +31,18 @@ std::int64_t parseStamp_ns(const std::string& row, const fs::path& file) {
   const bool digits =
       std::all_of(field.begin(), field.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
   if (field.empty() || !digits || field.size() > 19 || std::stoull(field) > kMaxStamp_ns) {
-    fail("file ", quoted(file), " has a row without a stamp in nanoseconds: '", row, "'");
+    fail("file ", inQuotes(file), " has a row without a stamp in nanoseconds: '", row, "'");
   }
   return std::stoll(field);
 }
 
 cv::Mat readImage(const fs::path& file) {
   if (!isFile(file)) {
-    fail("image ", quoted(file), " is missing or unreadable: unpack the data set again");
+    fail("image ", inQuotes(file), " is missing or unreadable: unpack the data set again");
   }
   cv::Mat image = readPng(file.string(), cv::IMREAD_GRAYSCALE);
   if (!image.empty()) return image;
-  fail("image ", quoted(file),
+  fail("image ", inQuotes(file),
        " cannot be decoded: it is damaged, cut off or no PNG, fetch it again");
 }
 
@@ -63,8 +63,12 @@ void requireFiles(const std::vector<StereoDataset::Frame>& frames, const fs::pat
     }
   }
   if (missing == 0) return;
-  fail("data set ", quoted(folder), " is truncated: ", missing, " of ", 2 * frames.size(),
+  fail("data set ", inQuotes(folder), " is truncated: ", missing, " of ", 2 * frames.size(),
        " images are missing, the first is '", first, "'; unpack it again");
+}
+
+bool isRotation(const Eigen::Matrix3d& R) {
+  return (R * R.transpose()).isIdentity(1e-3) && R.determinant() > 0.0;
 }
 
 /// Runs a step on the calibration, and adds the name of the file to its errors.
@@ -73,24 +77,34 @@ auto withCalibrationFile(const fs::path& file, const Step& step) {
   try {
     return step();
   } catch (const std::invalid_argument& error) {
-    throw InputError("calibration " + quoted(file) + " is unusable: " + error.what());
+    throw InputError("calibration " + inQuotes(file) + " is unusable: " + error.what());
   } catch (const YAML::Exception& error) {
-    throw InputError("calibration " + quoted(file) + " is unusable: " + error.what() +
+    throw InputError("calibration " + inQuotes(file) + " is unusable: " + error.what() +
                      "; fetch the file again");
   }
 }
 
 // --- KITTI ------------------------------------------------------------------------------------
 
+/// Otherwise the order of the names is not that of their numbers.
+void requireEqualLengths(const fs::path& folder, const std::vector<std::string>& names) {
+  for (const std::string& name : names) {
+    if (name.size() == names.front().size()) continue;
+    fail("images in ", inQuotes(folder), " are numbered with different numbers of digits, as '",
+         names.front(), "' and '", name, "': add zeros in front, as in 000000.png");
+  }
+}
+
 std::vector<std::string> listImages(const fs::path& folder) {
   if (!fs::is_directory(folder)) {
-    fail("folder ", quoted(folder), " is missing: a KITTI sequence needs image_0 and image_1");
+    fail("folder ", inQuotes(folder), " is missing: a KITTI sequence needs image_0 and image_1");
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.path().extension() == ".png") names.push_back(entry.path().filename().string());
   }
   std::sort(names.begin(), names.end());
+  requireEqualLengths(folder, names);
   return names;
 }
 
@@ -110,7 +124,7 @@ std::vector<std::int64_t> readKittiStamps(const fs::path& file) {
     const std::optional<long double> seconds = parseSeconds(row);
     if (!seconds || !(*seconds >= 0.0L) ||
         *seconds * kNanosecondsPerSecond > static_cast<long double>(kMaxStamp_ns)) {
-      fail("file ", quoted(file), " has the row '", row, "', but must hold seconds, one a row");
+      fail("file ", inQuotes(file), " has the row '", row, "', but must hold seconds, one a row");
     }
     stamps.push_back(std::llround(*seconds * kNanosecondsPerSecond));
   }
@@ -122,10 +136,10 @@ std::vector<StereoDataset::Frame> indexKitti(const fs::path& folder) {
   const std::vector<std::string> right = listImages(folder / "image_1");
   const std::vector<std::int64_t> stamps = readKittiStamps(folder / "times.txt");
   if (left.empty() && right.empty()) {
-    fail("data set ", quoted(folder), " is empty: image_0 and image_1 hold no PNG image");
+    fail("data set ", inQuotes(folder), " is empty: image_0 and image_1 hold no PNG image");
   }
   if (left.size() != right.size() || left.size() != stamps.size()) {
-    fail("data set ", quoted(folder), " is truncated: image_0 has ", left.size(),
+    fail("data set ", inQuotes(folder), " is truncated: image_0 has ", left.size(),
          " images, image_1 ", right.size(), " and times.txt ", stamps.size(),
          " rows; unpack it again");
   }
@@ -141,7 +155,7 @@ std::vector<StereoDataset::Frame> indexKitti(const fs::path& folder) {
 /// The 3 x 4 matrix of a KITTI row.
 Eigen::Matrix<double, 3, 4> toMatrix34(const std::vector<double>& numbers, const fs::path& file) {
   if (numbers.size() != 12) {
-    fail("file ", quoted(file), " has a row of ", numbers.size(),
+    fail("file ", inQuotes(file), " has a row of ", numbers.size(),
          " numbers instead of 12: it is truncated or of another kind; fetch it again");
   }
   return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(numbers.data());
@@ -156,7 +170,7 @@ CameraCalibration readKittiCamera(const fs::path& file, const std::string& name)
     camera.D.assign(5, 0.0);
     return camera;
   }
-  fail("calibration ", quoted(file), " has no row '", name, ":': P0 and P1 are needed");
+  fail("calibration ", inQuotes(file), " has no row '", name, ":': P0 and P1 are needed");
 }
 
 StereoCalibration readKittiCalibration(const fs::path& file, const cv::Size& size) {
@@ -180,13 +194,17 @@ std::vector<StampedPose> readKittiPoses(const fs::path& folder,
   if (!fs::exists(file)) return {};
   const std::vector<std::string> rows = readLines(file);
   if (rows.size() != frames.size()) {
-    fail("ground truth ", quoted(file), " has ", rows.size(), " rows for ", frames.size(),
+    fail("ground truth ", inQuotes(file), " has ", rows.size(), " rows for ", frames.size(),
          " images: fetch the poses of this sequence or remove the file");
   }
   std::vector<StampedPose> poses;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     StampedPose pose{frames[i].stamp_ns, Eigen::Isometry3d::Identity()};
     pose.T_world_camera.affine() = toMatrix34(parseNumbers(rows[i], file), file);
+    if (!isRotation(pose.T_world_camera.linear())) {
+      fail("ground truth ", inQuotes(file), " is no pose in row ", i + 1,
+           ": the first three of each four numbers must be a rotation");
+    }
     poses.push_back(pose);
   }
   return poses;
@@ -222,8 +240,7 @@ std::string toDistortionModel(const std::string& name, std::size_t coefficients)
 Eigen::Isometry3d toPose(const std::vector<double>& numbers) {
   Eigen::Isometry3d pose;
   pose.matrix() = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data());
-  const Eigen::Matrix3d R = pose.linear();
-  if (!(R * R.transpose()).isIdentity(1e-3) || !(R.determinant() > 0.0)) {
+  if (!isRotation(pose.linear())) {
     throw std::invalid_argument(
         "T_BS is not a pose: its upper left 3 x 3 block must be a rotation");
   }
@@ -232,7 +249,7 @@ Eigen::Isometry3d toPose(const std::vector<double>& numbers) {
 
 EurocCamera readEurocCamera(const fs::path& file) {
   if (!fs::exists(file)) {
-    fail("calibration ", quoted(file), " is missing: unpack the data set again");
+    fail("calibration ", inQuotes(file), " is missing: unpack the data set again");
   }
   return withCalibrationFile(file, [&] {
     const YAML::Node root = YAML::LoadFile(file.string());
@@ -260,11 +277,11 @@ std::map<std::int64_t, std::string> indexEurocCamera(const fs::path& folder) {
   for (const std::string& row : readLines(file)) {
     const std::size_t name = row.find_first_not_of(", ", row.find(','));
     if (name == std::string::npos) {
-      fail("file ", quoted(file), " has the row '", row, "', but must hold 'stamp,filename'");
+      fail("file ", inQuotes(file), " has the row '", row, "', but must hold 'stamp,filename'");
     }
     images[parseStamp_ns(row, file)] = (folder / "data" / row.substr(name)).string();
   }
-  if (images.empty()) fail("file ", quoted(file), " names no image: the data set is empty");
+  if (images.empty()) fail("file ", inQuotes(file), " names no image: the data set is empty");
   return images;
 }
 
@@ -277,7 +294,7 @@ std::vector<StereoDataset::Frame> indexEuroc(const fs::path& folder) {
     if (partner != right.end()) frames.push_back({stamp_ns, left_file, partner->second});
   }
   if (frames.empty()) {
-    fail("data set ", quoted(folder), " has no pair: no stamp of cam0/data.csv occurs in ",
+    fail("data set ", inQuotes(folder), " has no pair: no stamp of cam0/data.csv occurs in ",
          "cam1/data.csv; give images of synchronised cameras equal stamps");
   }
   requireFiles(frames, folder);
@@ -302,7 +319,7 @@ std::vector<StampedPose> readEurocPoses(const fs::path& file,
     const std::vector<double> n = parseNumbers(row, file);
     const double norm = n.size() < 8 ? 0.0 : Eigen::Vector4d(n[4], n[5], n[6], n[7]).norm();
     if (std::abs(norm - 1.0) > 0.01) {
-      fail("ground truth ", quoted(file), " has a row without a position and unit quaternion: '",
+      fail("ground truth ", inQuotes(file), " has a row without a position and unit quaternion: '",
            row, "'; fetch the file again");
     }
     Eigen::Isometry3d T_world_body = Eigen::Isometry3d::Identity();
@@ -332,7 +349,7 @@ StereoDataset StereoDataset::openEuroc(const std::string& folder) {
   dataset.frames_ = indexEuroc(path);
   const EurocCamera left = readEurocCamera(path / "cam0" / "sensor.yaml");
   const EurocCamera right = readEurocCamera(path / "cam1" / "sensor.yaml");
-  dataset.calibration_ = withCalibrationFile(path / "cam1" / "sensor.yaml", [&] {
+  dataset.calibration_ = withCalibrationFile(path / "cam[01]" / "sensor.yaml", [&] {
     StereoCalibration rectified = rectifyCalibration(
         {left.calibration, right.calibration}, right.T_body_camera.inverse() * left.T_body_camera);
     rectifiedCamera(rectified);
@@ -357,7 +374,7 @@ std::optional<ImuData> StereoDataset::readImu() const {
   for (const std::string& row : readLines(file)) {
     const std::vector<double> n = parseNumbers(row, file);
     if (n.size() != 7) {
-      fail("file ", quoted(file), " has a row without a stamp, rates and accelerations: '", row,
+      fail("file ", inQuotes(file), " has a row without a stamp, rates and accelerations: '", row,
            "'; fetch it again");
     }
     data.samples.push_back({parseStamp_ns(row, file), {n[1], n[2], n[3]}, {n[4], n[5], n[6]}});
@@ -368,16 +385,17 @@ std::optional<ImuData> StereoDataset::readImu() const {
 StereoDataset StereoDataset::open(const std::string& folder) {
   const fs::path path(folder);
   try {
-    if (!fs::exists(path)) fail("data set ", quoted(path), " does not exist: check the path");
+    if (!fs::exists(path)) fail("data set ", inQuotes(path), " does not exist: check the path");
     if (!fs::is_directory(path))
-      fail("data set ", quoted(path), " is not a folder: give its folder");
+      fail("data set ", inQuotes(path), " is not a folder: give its folder");
     if (fs::exists(path / "mav0")) return openEuroc((path / "mav0").string());
     if (fs::exists(path / "cam0")) return openEuroc(folder);
     if (fs::exists(path / "image_0") || fs::exists(path / "calib.txt")) return openKitti(folder);
   } catch (const fs::filesystem_error& error) {
-    fail("data set ", quoted(path), " cannot be read: ", error.code().message());
+    fail("data set ", inQuotes(path), " cannot be read: ", error.code().message());
   }
-  fail("folder ", quoted(path), " holds no data set: it must have image_0, image_1, calib.txt and ",
+  fail("folder ", inQuotes(path),
+       " holds no data set: it must have image_0, image_1, calib.txt and ",
        "times.txt (KITTI) or mav0/cam0 and mav0/cam1 (EuRoC)");
 }
 

@@ -43,7 +43,7 @@ std::int64_t parseTime(const std::string& row, const fs::path& file) {
                         day <= 31 && hour >= 0 && hour < 24 && minute >= 0 && minute < 60 &&
                         second >= 0 && second <= 60;
   if (fields != 6 || !is_fraction || !in_range) {
-    fail("file ", quoted(file), " has the row '", row,
+    fail("file ", inQuotes(file), " has the row '", row,
          "', but must hold times as 2011-09-26 13:02:25.964389445");
   }
   std::string digits = fraction.empty() ? "" : fraction.substr(1);
@@ -56,7 +56,7 @@ fs::path findCalibration(const fs::path& folder, const std::string& name) {
   for (const fs::path& place :
        {folder / name, fs::absolute(folder).lexically_normal() / ".." / name})
     if (isFile(place)) return place;
-  fail("folder ", quoted(folder), " has an oxts folder, but no ", name,
+  fail("folder ", inQuotes(folder), " has an oxts folder, but no ", name,
        " here or above it: fetch the calibration of that day, or remove oxts");
 }
 
@@ -68,7 +68,7 @@ std::vector<double> readRow(const fs::path& file, const std::string& name, std::
     if (numbers.size() == count) return numbers;
     break;
   }
-  fail("calibration ", quoted(file), " has no row '", name, ":' of ", count,
+  fail("calibration ", inQuotes(file), " has no row '", name, ":' of ", count,
        " numbers: fetch it again");
 }
 
@@ -77,7 +77,7 @@ Eigen::Matrix3d readRotation(const fs::path& file, const std::string& name) {
   const Eigen::Matrix3d R =
       Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(n.data());
   if (!(R * R.transpose()).isIdentity(1e-3) || !(R.determinant() > 0.0))
-    fail("calibration ", quoted(file), ": row '", name, ":' is no rotation; fetch it again");
+    fail("calibration ", inQuotes(file), ": row '", name, ":' is no rotation; fetch it again");
   return Eigen::Quaterniond(R).normalized().toRotationMatrix();
 }
 
@@ -94,7 +94,7 @@ std::optional<std::int64_t> timeOfFirstImage(const fs::path& folder) {
     const fs::path file = folder / images / "timestamps.txt";
     if (!isFile(file)) continue;
     const std::vector<std::string> rows = readLines(file);
-    if (rows.empty()) fail("file ", quoted(file), " is empty: fetch it again");
+    if (rows.empty()) fail("file ", inQuotes(file), " is empty: fetch it again");
     return parseTime(rows.front(), file);
   }
   return std::nullopt;
@@ -106,7 +106,7 @@ ImuSample readPacket(const fs::path& file) {
   const std::vector<double> n =
       rows.size() == 1 ? parseNumbers(rows.front(), file) : std::vector<double>();
   if (n.size() != 30) {
-    fail("file ", quoted(file), " has ", n.size(),
+    fail("file ", inQuotes(file), " has ", n.size(),
          " numbers instead of the 30 of a packet; fetch it again");
   }
   ImuSample sample;
@@ -140,7 +140,7 @@ ImuData readOxts(const std::string& folder, std::int64_t first_ns) {
     data.samples.back().stamp_ns = first_ns + time - *start;
   }
   if (data.samples.empty())
-    fail("folder ", quoted(path / "oxts"), " has no packet: unpack the drive completely");
+    fail("folder ", inQuotes(path / "oxts"), " has no packet: unpack the drive completely");
   return data;
 }
 

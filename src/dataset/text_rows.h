@@ -24,14 +24,18 @@ template <typename... Parts>
   throw InputError(text.str());
 }
 
-inline std::string quoted(const std::filesystem::path& path) { return "'" + path.string() + "'"; }
+inline std::string inQuotes(const std::filesystem::path& path) { return "'" + path.string() + "'"; }
 
-/// Lines without line ends (LF or CRLF); empty lines and comments (#) are skipped.
+/// Lines without line ends (LF or CRLF); empty lines, comments (#) and a mark of UTF-8 are skipped.
 inline std::vector<std::string> readLines(const std::filesystem::path& file) {
   std::ifstream in(file);
-  if (!in) fail("file ", quoted(file), " is missing or unreadable: unpack the data set completely");
+  if (!in)
+    fail("file ", inQuotes(file), " is missing or unreadable: unpack the data set completely");
   std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) {
+  constexpr const char* kByteOrderMark = "\xEF\xBB\xBF";
+  bool is_first = true;
+  for (std::string line; std::getline(in, line); is_first = false) {
+    if (is_first && line.rfind(kByteOrderMark, 0) == 0) line.erase(0, 3);
     while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back()))) line.pop_back();
     if (!line.empty() && line.front() != '#') lines.push_back(line);
   }
@@ -45,7 +49,7 @@ inline std::vector<double> parseNumbers(std::string row, const std::filesystem::
   in.imbue(std::locale::classic());
   std::vector<double> numbers;
   for (double number = 0.0; in >> number;) numbers.push_back(number);
-  if (!in.eof()) fail("file ", quoted(file), " has a row that is not numbers: '", row, "'");
+  if (!in.eof()) fail("file ", inQuotes(file), " has a row that is not numbers: '", row, "'");
   return numbers;
 }
 

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <ros/message_traits.h>
 #include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -14,13 +15,14 @@
 namespace point_line_odometry {
 
 /// A bag that is written to NAME.part and renamed by commit(); without commit() the destructor
-/// removes it. Throws InputError if it cannot be created or renamed, rosbag::BagException if it
-/// cannot be written to.
+/// removes it. An older bag of that name is replaced if the same writer has made it. Throws
+/// InputError if it cannot be created or renamed, rosbag::BagException if it cannot be written to.
 class BagFile {
  public:
   /// \param writer node name that latched messages have as their publisher (callerid).
   BagFile(const std::string& file, rosbag::CompressionType compression, const std::string& writer)
       : file_(file), part_(file + ".part"), writer_(writer) {
+    requireOwn();
     try {
       bag_.open(part_, rosbag::bagmode::Write);
     } catch (const rosbag::BagException&) {
@@ -70,6 +72,27 @@ class BagFile {
   }
 
  private:
+  void requireOwn() const {
+    std::error_code ignored;
+    if (!std::filesystem::exists(file_, ignored) || isOwn()) return;
+    throw InputError("'" + file_ + "' exists already and is no bag that " + writer_.substr(1) +
+                     " has written: give another name, or remove it");
+  }
+
+  bool isOwn() const {
+    try {
+      const rosbag::Bag older(file_);
+      rosbag::View all(older);
+      for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
+        const auto writer = connection->header->find("callerid");
+        if (writer != connection->header->end() && writer->second == writer_) return true;
+      }
+    } catch (const ros::Exception&) {
+      // no bag
+    }
+    return false;
+  }
+
   /// A bag on a full disk cannot be closed either: its destructor would throw and end the process.
   /// So its file descriptor is redirected to /dev/null first.
   void closeAnyhow() {

@@ -118,6 +118,12 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
   if (facts.pair) {
     if (const auto line = pairFault(*facts.pair)) return *line;
   }
+  if (!facts.damage.empty()) {
+    DoctorLine line = failureLine(Subject::kImages, facts.damage);
+    line.level = Level::kWarn;
+    line.text = "some pairs cannot be used, the last one for this: " + line.text;
+    return line;
+  }
   return okLine(Subject::kImages, sizeText(left->width, left->height) + " " + left->encoding);
 }
 
@@ -167,6 +173,12 @@ DoctorLine evaluateCalibration(const DoctorFacts& facts) {
             sizeText(camera.width, camera.height),
         "calibrate for this resolution, or scale the calibration with the images: it "
         "is in pixels of others");
+  }
+  if (!facts.calibration_change.empty()) {
+    return failureLine(Subject::kCalibration, Level::kWarn,
+                       facts.calibration_change + " is not the same in all messages",
+                       "let one driver publish camera_info, with the calibration of these images; "
+                       "the odometry uses another one only once several in a row have it");
   }
   return okLine(Subject::kCalibration, text);
 }

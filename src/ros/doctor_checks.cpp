@@ -90,14 +90,19 @@ DoctorChecks::DoctorChecks(const NodeParameters& parameters) : parameters_(param
   }
 }
 
-void DoctorChecks::takeCalibration(const StereoMessages& messages) {
-  if (!messages.left_info || !messages.right_info) return;
-  if (left_info_ && sameCalibration(*left_info_, *messages.left_info) &&
-      sameCalibration(*right_info_, *messages.right_info)) {
-    return;
+/// False if it is another one than before that is not confirmed yet: the set is not used.
+bool DoctorChecks::takeCalibration(const StereoMessages& messages) {
+  if (!messages.left_info || !messages.right_info) return true;
+  const InfoPair infos{messages.left_info, messages.right_info};
+  if (infos_ && *infos_ == infos) {
+    other_infos_.clear();
+    return true;
   }
-  left_info_ = messages.left_info;
-  right_info_ = messages.right_info;
+  if (infos_) {
+    calibration_change_ = differenceOf(infos, *infos_);
+    if (!other_infos_.add(infos)) return false;
+  }
+  infos_ = infos;
   camera_.reset();
   rectifier_.reset();
   calibration_fault_.clear();
@@ -105,23 +110,23 @@ void DoctorChecks::takeCalibration(const StereoMessages& messages) {
   sequence_.reset();
   seam_.reset();
   try {
-    calibration_ = toStereoCalibration(*left_info_, *right_info_);
+    calibration_ = toStereoCalibration(*infos.left, *infos.right);
     camera_ = rectifiedCamera(calibration_);
   } catch (const MessageError& error) {
     calibration_fault_ = error.what();
   } catch (const std::invalid_argument& error) {
     calibration_fault_ = std::string("camera_info: ") + error.what();
   }
+  return true;
 }
 
 template <typename Use>
 void DoctorChecks::useImages(const StereoMessages& set, const Use& use) {
-  takeCalibration(set);
-  if (parameters_.rectify && !camera_) return;
+  if (!takeCalibration(set) || (parameters_.rectify && !camera_)) return;
   try {
     use(imagesOf(set));
-  } catch (const MessageError&) {
-    // facts() reports it: it converts the latest messages in the same way.
+  } catch (const MessageError& error) {
+    damage_ = error.what();
   } catch (const std::invalid_argument& error) {
     calibration_fault_ = std::string("camera_info: ") + error.what();
     camera_.reset();
@@ -182,13 +187,15 @@ void DoctorChecks::addMasks(const StereoMessages& set, StereoImages* images) con
 }
 
 DoctorFacts DoctorChecks::facts(const InputFacts& input, const tf2::BufferCore& tf) {
-  takeCalibration(input.latest);
+  if (!infos_) takeCalibration(input.latest);  // without a complete set
   DoctorFacts facts;
   facts.parameters = parameters_;
   facts.input = input;
   facts.images = {imageFacts(input.latest.left, "left"), imageFacts(input.latest.right, "right")};
   facts.camera = camera_;
   facts.calibration_fault = calibration_fault_;
+  facts.calibration_change = calibration_change_;
+  facts.damage = damage_;
   facts.mask_fault = camera_ && mask_fault_.empty() ? masks_.sizeFault(calibration_) : mask_fault_;
   facts.pair = trend_.current();
   facts.seam_column = seam_.value_or(std::nullopt);

@@ -12,6 +12,8 @@
 #include "dataset/mask_file.h"
 #include "matching/pair_check.h"
 #include "point_line_odometry/rectification.h"
+#include "ros/calibration_conversion.h"
+#include "ros/confirmation.h"
 #include "ros/doctor_facts.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_input.h"
@@ -48,7 +50,7 @@ class DoctorChecks {
 
   /// Measures the images of a set, rectified first if the node does so, without what is masked. A
   /// set that cannot be used is skipped: facts() has the reason. A new calibration starts a new
-  /// trend.
+  /// trend, once it is confirmed as by the odometry.
   void measure(const StereoMessages& set);
 
   /// Follows points from set to set, as SequenceCheck does: for a limited number of consecutive
@@ -60,7 +62,7 @@ class DoctorChecks {
   DoctorFacts facts(const InputFacts& input, const tf2::BufferCore& tf);
 
  private:
-  void takeCalibration(const StereoMessages& messages);
+  bool takeCalibration(const StereoMessages& messages);
   template <typename Use>
   void useImages(const StereoMessages& set, const Use& use);
   StereoImages imagesOf(const StereoMessages& set);
@@ -71,8 +73,10 @@ class DoctorChecks {
 
   const NodeParameters parameters_;
 
-  sensor_msgs::CameraInfoConstPtr left_info_;  // that the members below are computed from
-  sensor_msgs::CameraInfoConstPtr right_info_;
+  std::optional<InfoPair> infos_;  // that the members below are computed from
+  Confirmation<InfoPair> other_infos_;
+  std::string calibration_change_;
+  std::string damage_;
   StereoCalibration calibration_;
   std::optional<StereoCamera> camera_;
   std::optional<StereoRectifier> rectifier_;

@@ -51,6 +51,8 @@ struct DoctorFacts {
   std::array<std::optional<ImageFacts>, 2> images;  ///< left, right; nothing: none received
   std::optional<StereoCamera> camera;               ///< nothing: not known, or camera_info is bad
   std::string calibration_fault;                    ///< with a hint; empty if there is none
+  std::string calibration_change;  ///< what was not as before in some of the sets; empty if nothing
+  std::string damage;              ///< why some pair cannot be used, with a hint; empty if all can
 
   std::optional<PairMeasurement> pair;          ///< nothing: not measured yet
   std::optional<int> seam_column;               ///< see commonSeam(): in all pairs measured

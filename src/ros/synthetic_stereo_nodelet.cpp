@@ -231,7 +231,7 @@ std::size_t SyntheticStereoNodelet::nextFrame(std::size_t frame) {
   const double late_frames = std::max(1.0, std::ceil(late_s * world_->frameRate_hz()));
   const std::size_t next = frame + static_cast<std::size_t>(late_frames);
   num_skipped_ += next - frame - 1;
-  if (num_skipped_ > 0) {
+  if (next > frame + 1) {
     if (log_throttle_.passes("too slow", kReportPeriod_s)) {
       NODELET_WARN_STREAM("this computer is too slow to render "
                           << world_->frameRate_hz() << " frames/s: " << num_skipped_ << " of "

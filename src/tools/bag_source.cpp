@@ -1,8 +1,6 @@
 #include "tools/bag_source.h"
 
-#include <console_bridge/console.h>
 #include <nav_msgs/Odometry.h>
-#include <rosbag/bag.h>
 #include <rosbag/view.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -13,28 +11,51 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <deque>
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "common/input_error.h"
 #include "ros/calibration_conversion.h"
+#include "ros/confirmation.h"
 #include "ros/conversions.h"
 #include "ros/image_conversion.h"
 #include "ros/sample_input.h"
+#include "ros/stereo_input.h"
+#include "tools/input_bag.h"
 
 namespace point_line_odometry {
 namespace {
 
+/// Synchronises as the node does. What waits for its partners is as much as a bag can have that was
+/// recorded of one camera after the other by bursts.
+NodeParameters synchronisation(std::int64_t max_interval_ns) {
+  NodeParameters parameters;
+  parameters.queue_size = 100;
+  parameters.approximate_sync = max_interval_ns > 0;
+  parameters.approximate_sync_max_interval_s = 1e-9 * static_cast<double>(max_interval_ns);
+  return parameters;
+}
+
+/// What is left out of a bag, with the first reason.
+struct LeftOut {
+  std::size_t count = 0;
+  std::string first;
+
+  void add(const std::string& reason) {
+    if (count++ == 0) first = reason;
+  }
+};
+
 class BagSource : public StereoSource {
  public:
-  explicit BagSource(const BagOptions& options) : options_(options) {
-    guarded([this] {
-      open();
-      chooseTopics();
+  explicit BagSource(const BagOptions& options)
+      : options_(options), bag_(options.file), topics_(bag_.chooseTopics(options.topics)) {
+    ros::Time::init();
+    bag_.guarded([this] {
       readCalibration();
       if (options_.masks) findMasks();
     });
@@ -42,29 +63,48 @@ class BagSource : public StereoSource {
 
   std::size_t size() const override { return size_; }
   const StereoCalibration& calibration() const override { return calibration_; }
-  bool needsRectification() const override { return options_.topics.raw(); }
-  std::size_t unsynchronized() const override { return unsynchronized_; }
+  bool needsRectification() const override { return topics_.raw(); }
+  std::size_t unsynchronized() const override { return num_images_ - 2 * num_pairs_; }
 
-  /// All samples of the one IMU; its pose is looked up in the bag's /tf_static.
+  std::vector<std::string> warnings() const override {
+    std::vector<std::string> warnings;
+    const auto warn = [&](const LeftOut& left_out, const std::string& what) {
+      if (left_out.count == 0) return;
+      warnings.push_back("bag '" + options_.file + "': " + std::to_string(left_out.count) + " " +
+                         what + ", the first as " + left_out.first);
+    };
+    warn(wrong_stamps_, "images are not used for their stamps");
+    warn(damaged_, "pairs are not used");
+    warn(other_infos_, "camera_infos are not used");
+    constexpr std::size_t kAtEnds = 2;
+    if (unsynchronized() > kAtEnds) {
+      warnings.push_back("bag '" + options_.file + "': " + std::to_string(unsynchronized()) +
+                         " of " + std::to_string(num_images_) +
+                         " images have no partner of the other camera");
+    }
+    return warnings;
+  }
+
+  /// All samples of the IMU; its pose is looked up in the bag's /tf_static.
   std::optional<ImuData> imu() override {
     std::optional<ImuData> data;
-    guarded([&] { data = readImu(); });
+    bag_.guarded([&] { data = readImu(); });
     return data;
   }
 
   /// The poses on the wheels' topic; of the body that its last message names.
   std::optional<WheelData> wheels() override {
     std::optional<WheelData> data;
-    guarded([&] { data = readWheels(); });
+    bag_.guarded([&] { data = readWheels(); });
     return data;
   }
 
   /// That in the bag's /tf_static, if base_link is there.
   Eigen::Isometry3d T_base_camera() override {
     Eigen::Isometry3d T = StereoSource::T_base_camera();
-    guarded([&] {
+    bag_.guarded([&] {
       const tf2::BufferCore& transforms = staticTransforms();
-      const std::string camera = withoutLeadingSlash(left_info_->header.frame_id);
+      const std::string camera = withoutLeadingSlash(infos_[0]->header.frame_id);
       if (transforms.canTransform("base_link", camera, ros::Time(0)))
         T = toIsometry(transforms.lookupTransform("base_link", camera, ros::Time(0)).transform);
     });
@@ -73,107 +113,50 @@ class BagSource : public StereoSource {
 
   std::optional<StereoImages> next() override {
     std::optional<StereoImages> images;
-    guarded([&] {
-      while (!images && message_ != view_->end()) {
-        take(*message_);
-        ++message_;
-        if (findPair()) images = pair();
-      }
-      if (!images) finish();
+    bag_.guarded([&] {
+      while (!images && readUntilPair()) images = takePair();
+      if (!images) requirePairs();
     });
     return images;
   }
 
  private:
-  using ImageQueue = std::deque<sensor_msgs::Image::ConstPtr>;
-
-  /// Limit of the images of one camera that wait for their partners.
-  static constexpr std::size_t kMaxWaiting = 100;
-
-  /// Runs a step and prefixes its errors with the name of the bag.
-  template <typename Step>
-  void guarded(const Step& step) {
-    const std::string bag = "bag '" + options_.file + "' ";
-    try {
-      step();
-    } catch (const rosbag::BagUnindexedException&) {
-      throw InputError(bag + "was not closed: repair it with 'rosbag reindex'");
-    } catch (const rosbag::BagException& error) {
-      if (std::string(error.what()).find("Unsupported bag file version") != std::string::npos) {
-        throw InputError(bag + "is of a version that cannot be read (" + error.what() +
-                         "; those that can are 1.2 and 2.0): convert it to 2.0");
-      }
-      throw InputError(
-          bag + "cannot be read (" + error.what() +
-          "): it is cut off, damaged or no bag; try 'rosbag reindex' or fetch it again");
-    } catch (const ros::Exception& error) {
-      throw InputError(bag + "is damaged (" + error.what() + "): record or fetch it again");
-    } catch (const MessageError& error) {
-      throw InputError(bag + "cannot be used: " + error.what());
-    } catch (const InputError& error) {
-      throw InputError(bag + error.what());
-    }
-  }
-
-  void open() {
-    // The bag library logs faults before it throws them; the exception reports them once.
-    console_bridge::noOutputHandler();
-    bag_.open(options_.file, rosbag::bagmode::Read);
-    rosbag::View all(bag_);
-    for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
-      if (connection->datatype == "sensor_msgs/Image") images_.insert(connection->topic);
-      if (connection->datatype == "sensor_msgs/CameraInfo") infos_.insert(connection->topic);
-      if (connection->datatype == "sensor_msgs/Imu") imus_.insert(connection->topic);
-    }
-  }
-
-  void chooseTopics() {
-    StereoTopics& topics = options_.topics;
-    if (topics.left.empty() && topics.right.empty()) {
-      topics = findStereoTopics(images_);
-    } else if (topics.right.empty()) {
-      topics.right = rightTopicOf(topics.left);
-    }
-    if (topics.left.empty() || topics.right.empty()) {
-      throw InputError("needs both --left-topic and --right-topic here; image topics in it: " +
-                       joinNames(images_));
-    }
-    for (const std::string& topic : {topics.left, topics.right}) {
-      if (images_.count(topic) == 0) {
-        throw InputError(
-            "has no topic '" + topic + "' of type sensor_msgs/Image: name both " +
-            "cameras by --left-topic and --right-topic; image topics in it: " + joinNames(images_));
-      }
-    }
-    if (topics.left == topics.right) {
-      throw InputError("is given the same topic twice: give --right-topic the right camera's");
-    }
-  }
-
   void readCalibration() {
-    const StereoTopics& topics = options_.topics;
-    left_info_ = firstInfo(cameraInfoTopic(topics.left));
-    right_info_ = firstInfo(cameraInfoTopic(topics.right));
-    calibration_ = toStereoCalibration(*left_info_, *right_info_);
-    size_ = std::min(rosbag::View(bag_, rosbag::TopicQuery(topics.left)).size(),
-                     rosbag::View(bag_, rosbag::TopicQuery(topics.right)).size());
-    view_ = std::make_unique<rosbag::View>(
-        bag_, rosbag::TopicQuery(std::vector<std::string>{topics.left, topics.right,
-                                                          cameraInfoTopic(topics.left),
-                                                          cameraInfoTopic(topics.right)}));
+    for (const std::string& topic : {topics_.left, topics_.right}) {
+      if (bag_.topics().images.count(topic) > 0) continue;
+      throw InputError("has no topic '" + topic + "' of type sensor_msgs/Image: name both " +
+                       "cameras by --left-topic and --right-topic; image topics in it: " +
+                       joinNames(bag_.topics().images));
+    }
+    names_ = {topics_.left, topics_.right, cameraInfoTopic(topics_.left),
+              cameraInfoTopic(topics_.right)};
+    infos_ = {firstInfo(names_[kLeftInfo]), firstInfo(names_[kRightInfo])};
+    calibration_ = toStereoCalibration(*infos_[0], *infos_[1]);
+    size_ = std::min(bag_.view({topics_.left})->size(), bag_.view({topics_.right})->size());
+    view_ = bag_.view({names_.begin(), names_.end()});
     message_ = view_->begin();
+    input_ = std::make_unique<StereoInput>(
+        synchronisation(options_.max_interval_ns), names_,
+        [this](const StereoMessages& pair) { addPair(pair); },
+        [this](const std::string& fault) { noteWrongStamp(fault); });
   }
 
   std::optional<ImuData> readImu() {
-    if (imus_.empty()) return std::nullopt;
-    if (imus_.size() > 1) {
-      throw InputError("has several IMUs: keep one by 'rosbag filter'; topics: " +
-                       joinNames(imus_));
+    const std::set<std::string>& imus = bag_.topics().imus;
+    const std::string topic =
+        options_.imu_topic.empty() ? bag_.findImu(topics_) : options_.imu_topic;
+    if (topic.empty() && imus.empty()) return std::nullopt;
+    if (imus.count(topic) == 0) {
+      throw InputError("has " +
+                       std::string(topic.empty() ? "several IMUs" : "no IMU '" + topic + "'") +
+                       ": name that of the camera by --imu-topic (it has rates and accelerations "
+                       "in one message); topics: " +
+                       joinNames(imus));
     }
     ImuData data;
     std::string frame;
-    rosbag::View view(bag_, rosbag::TopicQuery(*imus_.begin()));
-    for (const rosbag::MessageInstance& message : view) {
+    const auto view = bag_.view({topic});
+    for (const rosbag::MessageInstance& message : *view) {
       const auto imu = instantiate<sensor_msgs::Imu>(message);
       data.samples.push_back(toSample(*imu).sample);
       frame = withoutLeadingSlash(imu->header.frame_id);
@@ -187,8 +170,8 @@ class BagSource : public StereoSource {
   std::optional<WheelData> readWheels() {
     WheelData data;
     std::string frame;
-    rosbag::View view(bag_, rosbag::TopicQuery(options_.wheel_topic));
-    for (const rosbag::MessageInstance& message : view) {
+    const auto view = bag_.view({options_.wheel_topic});
+    for (const rosbag::MessageInstance& message : *view) {
       if (message.getDataType() != "nav_msgs/Odometry") {
         throw InputError("has '" + options_.wheel_topic + "' of type " + message.getDataType() +
                          ", but the wheels' must be nav_msgs/Odometry: name it by --wheel-topic");
@@ -211,8 +194,8 @@ class BagSource : public StereoSource {
   const tf2::BufferCore& staticTransforms() {
     if (static_transforms_) return *static_transforms_;
     static_transforms_ = std::make_unique<tf2::BufferCore>();
-    rosbag::View view(bag_, rosbag::TopicQuery("/tf_static"));
-    for (const rosbag::MessageInstance& message : view) {
+    const auto view = bag_.view({"/tf_static"});
+    for (const rosbag::MessageInstance& message : *view) {
       for (const auto& transform : instantiate<tf2_msgs::TFMessage>(message)->transforms)
         static_transforms_->setTransform(transform, "bag", true);
     }
@@ -221,7 +204,7 @@ class BagSource : public StereoSource {
 
   /// Static pose of the camera in a frame. \param what that frame is of.
   Eigen::Isometry3d lookUp(const std::string& target, const std::string& what) {
-    const std::string source = withoutLeadingSlash(left_info_->header.frame_id);
+    const std::string source = withoutLeadingSlash(infos_[0]->header.frame_id);
     try {
       return toIsometry(staticTransforms().lookupTransform(target, source, ros::Time(0)).transform);
     } catch (const tf2::TransformException& error) {
@@ -231,57 +214,120 @@ class BagSource : public StereoSource {
   }
 
   sensor_msgs::CameraInfo::ConstPtr firstInfo(const std::string& topic) {
-    rosbag::View view(bag_, rosbag::TopicQuery(topic));
-    if (infos_.count(topic) == 0 || view.size() == 0) {
+    const auto view = bag_.view({topic});
+    if (bag_.topics().infos.count(topic) == 0 || view->size() == 0) {
       throw InputError("has no topic '" + topic +
                        "' of type sensor_msgs/CameraInfo: record it together with the images");
     }
-    return instantiate<sensor_msgs::CameraInfo>(*view.begin());
+    return instantiate<sensor_msgs::CameraInfo>(*view->begin());
   }
 
-  template <typename Message>
-  static typename Message::ConstPtr instantiate(const rosbag::MessageInstance& message) {
-    typename Message::ConstPtr instance = message.instantiate<Message>();
-    if (!instance) {
-      throw InputError("has messages of another version of " + message.getDataType() + " on '" +
-                       message.getTopic() + "': migrate it with 'rosbag fix'");
+  /// False at the end of the bag.
+  bool readUntilPair() {
+    while (pairs_.empty() && message_ != view_->end()) {
+      take(*message_);
+      ++message_;
     }
-    return instance;
+    if (pairs_.empty() && !ended_) flush();
+    return !pairs_.empty();
   }
 
   void take(const rosbag::MessageInstance& message) {
     const std::string& topic = message.getTopic();
-    if (topic == options_.topics.left) {
-      enqueue(message, &waiting_left_);
-    } else if (topic == options_.topics.right) {
-      enqueue(message, &waiting_right_);
+    const double time_s = message.getTime().toSec();
+    if (topic == topics_.left) {
+      addImage(kLeftImage, instantiate<sensor_msgs::Image>(message), time_s);
+    } else if (topic == topics_.right) {
+      addImage(kRightImage, instantiate<sensor_msgs::Image>(message), time_s);
     } else {
-      const bool left = topic == cameraInfoTopic(options_.topics.left);
-      const auto info = instantiate<sensor_msgs::CameraInfo>(message);
-      if (sameCalibration(*info, left ? *left_info_ : *right_info_)) return;
-      throw InputError("changes its calibration on '" + topic + "' at " +
-                       std::to_string(info->header.stamp.toSec()) +
-                       " s: cut it there with 'rosbag filter' and run the parts apart");
+      checkInfo(topic == names_[kLeftInfo] ? 0 : 1, *instantiate<sensor_msgs::CameraInfo>(message));
     }
   }
 
-  void enqueue(const rosbag::MessageInstance& message, ImageQueue* queue) {
-    queue->push_back(instantiate<sensor_msgs::Image>(message));
-    if (queue->size() > kMaxWaiting) drop(queue);
+  void addImage(StereoTopic topic, const sensor_msgs::Image::ConstPtr& image, double time_s) {
+    ++num_images_;
+    latest_ = std::max(latest_, image->header.stamp);
+    synchronise(topic, image, time_s);
   }
 
-  void drop(ImageQueue* queue) {
-    queue->pop_front();
-    ++unsynchronized_;
+  /// With a camera_info, which the node expects with each image and a bag may have but once.
+  void synchronise(StereoTopic topic, const sensor_msgs::Image::ConstPtr& image, double time_s) {
+    const auto info = boost::make_shared<sensor_msgs::CameraInfo>();
+    info->header = image->header;
+    input_->addImage(topic, image, time_s);
+    input_->addInfo(topic == kLeftImage ? kLeftInfo : kRightInfo, info, time_s);
+  }
+
+  /// With approximate_sync the last images wait for later ones, which might be nearer partners.
+  void flush() {
+    ended_ = true;
+    if (options_.max_interval_ns == 0 || num_images_ == 0) return;
+    const auto later = boost::make_shared<sensor_msgs::Image>();
+    later->header.stamp = latest_ + ros::Duration(1.0 + 3e-9 * double(options_.max_interval_ns));
+    synchronise(kLeftImage, later, 0.0);
+    synchronise(kRightImage, later, 0.0);
+  }
+
+  void addPair(const StereoMessages& pair) {
+    if (pair.left->header.stamp > latest_) return;  // of flush()
+    pairs_.push_back({pair.left, pair.right});
+    ++num_pairs_;
+  }
+
+  void noteWrongStamp(const std::string& fault) {
+    const auto isOf = [&](const std::string& topic) { return fault.rfind(topic + ":", 0) == 0; };
+    if (isOf(topics_.left) || isOf(topics_.right)) wrong_stamps_.add(fault);
+  }
+
+  /// As the node, which accepts another calibration only once it is confirmed; here that is an
+  /// error.
+  void checkInfo(std::size_t camera, const sensor_msgs::CameraInfo& info) {
+    const char* const field = differingField(info, *infos_[camera]);
+    if (field == nullptr) {
+      differing_in_a_row_[camera] = 0;
+      return;
+    }
+    const std::string where = std::string(field) + " on '" + names_[kLeftInfo + camera] + "' at " +
+                              std::to_string(info.header.stamp.toSec()) + " s";
+    other_infos_.add(where + " is not as in the first one");
+    if (++differing_in_a_row_[camera] < kConfirmations) return;
+    throw InputError("changes its calibration, " + where +
+                     ": cut it there with 'rosbag filter' and run the parts apart");
+  }
+
+  /// Nothing if an image of the pair cannot be used.
+  std::optional<StereoImages> takePair() {
+    std::tie(left_, right_) = pairs_.front();
+    pairs_.pop_front();
+    try {
+      StereoImages images = toStereoImages(*left_, *right_, calibration_);
+      images.left_mask = maskOf(*left_, masks_[0], calibration_.left);
+      images.right_mask = maskOf(*right_, masks_[1], calibration_.right);
+      ++num_used_;
+      return images;
+    } catch (const MessageError& error) {
+      damaged_.add("'" + topics_.left + "', '" + topics_.right + "' at " +
+                   std::to_string(left_->header.stamp.toSec()) + " s: " + error.what());
+      return std::nullopt;
+    }
+  }
+
+  void requirePairs() const {
+    if (num_used_ > 0) return;
+    if (num_pairs_ > 0) throw InputError("has no pair that can be used: " + damaged_.first);
+    if (wrong_stamps_.count > 0)
+      throw InputError("has no pair that can be used: " + wrong_stamps_.first);
+    throw InputError(
+        "has no left and right image of equal stamp: synchronise the cameras, or "
+        "allow a difference by --approximate-sync SECONDS");
   }
 
   /// Masks are found by their stamps: they may lie anywhere in the bag, as a network needs time.
   void findMasks() {
-    const std::array<std::string, 2> topics{maskTopic(options_.topics.left),
-                                            maskTopic(options_.topics.right)};
+    const std::array<std::string, 2> topics{maskTopic(topics_.left), maskTopic(topics_.right)};
     for (std::size_t i = 0; i < topics.size(); ++i) {
-      if (images_.count(topics[i]) == 0) continue;
-      mask_views_[i] = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics[i]));
+      if (bag_.topics().images.count(topics[i]) == 0) continue;
+      mask_views_[i] = bag_.view({topics[i]});
       for (const rosbag::MessageInstance& message : *mask_views_[i]) {
         const auto mask = instantiate<sensor_msgs::Image>(message);
         masks_[i].insert({toNanoseconds(mask->header.stamp), message});
@@ -292,13 +338,6 @@ class BagSource : public StereoSource {
                      "': leave out --mask-images, or record these topics");
   }
 
-  StereoImages pair() {
-    StereoImages images = toStereoImages(*left_, *right_, calibration_);
-    images.left_mask = maskOf(*left_, masks_[0], calibration_.left);
-    images.right_mask = maskOf(*right_, masks_[1], calibration_.right);
-    return images;
-  }
-
   cv::Mat maskOf(const sensor_msgs::Image& image,
                  const std::map<std::int64_t, rosbag::MessageInstance>& masks,
                  const CameraCalibration& camera) {
@@ -307,55 +346,31 @@ class BagSource : public StereoSource {
     return toMask(*instantiate<sensor_msgs::Image>(found->second), camera);
   }
 
-  /// Moves the oldest pair from the queues to left_ and right_; older images without partner are
-  /// dropped.
-  bool findPair() {
-    while (!waiting_left_.empty() && !waiting_right_.empty()) {
-      const std::int64_t ahead_ns = toNanoseconds(waiting_left_.front()->header.stamp) -
-                                    toNanoseconds(waiting_right_.front()->header.stamp);
-      if (std::abs(ahead_ns) <= options_.max_interval_ns) {
-        left_ = waiting_left_.front();
-        right_ = waiting_right_.front();
-        waiting_left_.pop_front();
-        waiting_right_.pop_front();
-        ++pairs_;
-        return true;
-      }
-      drop(ahead_ns < 0 ? &waiting_left_ : &waiting_right_);
-    }
-    return false;
-  }
-
-  void finish() {
-    unsynchronized_ += waiting_left_.size() + waiting_right_.size();
-    waiting_left_.clear();
-    waiting_right_.clear();
-    if (pairs_ > 0) return;
-    throw InputError(
-        "has no left and right image of equal stamp: synchronise the cameras, or "
-        "allow a difference by --approximate-sync SECONDS");
-  }
-
-  BagOptions options_;
-  rosbag::Bag bag_;
-  std::set<std::string> images_;
-  std::set<std::string> infos_;
-  std::set<std::string> imus_;
-  sensor_msgs::CameraInfo::ConstPtr left_info_;
-  sensor_msgs::CameraInfo::ConstPtr right_info_;
+  const BagOptions options_;
+  const InputBag bag_;
+  const StereoTopics topics_;
+  StereoInput::TopicNames names_;
+  std::array<sensor_msgs::CameraInfo::ConstPtr, 2> infos_;
   StereoCalibration calibration_;
   std::size_t size_ = 0;
   std::unique_ptr<tf2::BufferCore> static_transforms_;
   std::unique_ptr<rosbag::View> view_;
   rosbag::View::iterator message_;
-  ImageQueue waiting_left_;
-  ImageQueue waiting_right_;
-  sensor_msgs::Image::ConstPtr left_;
+  std::unique_ptr<StereoInput> input_;
+  std::deque<std::pair<sensor_msgs::Image::ConstPtr, sensor_msgs::Image::ConstPtr>> pairs_;
+  sensor_msgs::Image::ConstPtr left_;  // the last pair
   sensor_msgs::Image::ConstPtr right_;
   std::array<std::unique_ptr<rosbag::View>, 2> mask_views_;
   std::array<std::map<std::int64_t, rosbag::MessageInstance>, 2> masks_;  // by stamp
-  std::size_t pairs_ = 0;
-  std::size_t unsynchronized_ = 0;
+  ros::Time latest_;                                                      // of the images
+  bool ended_ = false;
+  std::size_t num_images_ = 0;
+  std::size_t num_pairs_ = 0;
+  std::size_t num_used_ = 0;
+  std::array<int, 2> differing_in_a_row_{};  // camera_infos
+  LeftOut wrong_stamps_;
+  LeftOut damaged_;
+  LeftOut other_infos_;
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "common/input_error.h"
 #include "common/statistics.h"
 #include "odometry/image_scaling.h"
 
@@ -14,6 +15,14 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kColumns = 12;  // of square parts of an image
+
+// Share of the parts of an image in which points must have been seen.
+constexpr double kFewestParts = 0.15;
+
+// Remaining disagreement beyond which a calibration is of other cameras or images. One that was
+// made with care is below 0.2 px; images that are rectified by it can be matched up to two pixels
+// off.
+constexpr double kMostRemaining_px = 1.0;
 
 Parameters withRefinement(Parameters parameters, bool refine) {
   parameters.tracking.refine_calibration = refine;
@@ -82,17 +91,21 @@ std::string line(const std::string& name, const FieldSize& size) {
 
 }  // namespace
 
+int ResidualField::used() const {
+  return static_cast<int>(std::count_if(cells.begin(), cells.end(), [](const ResidualCell& cell) {
+    return cell.points >= kFewestPoints;
+  }));
+}
+
 FieldSize ResidualField::size() const {
   FieldSize size;
-  int used = 0;
   for (const ResidualCell& cell : cells) {
     if (cell.points < kFewestPoints) continue;
     const double amount = cell.residual_px.norm();
     size.rms_px += amount * amount;
     size.max_px = std::max(size.max_px, amount);
-    ++used;
   }
-  size.rms_px = std::sqrt(size.rms_px / std::max(used, 1));
+  size.rms_px = std::sqrt(size.rms_px / std::max(used(), 1));
   return size;
 }
 
@@ -188,6 +201,14 @@ CalibrationReport CalibrationCheck::report() const {
     for (const float row : cell.rows) vertical.push_back(std::abs(row));
   }
   report.points = static_cast<int>(vertical.size());
+  const int parts = columns_ * rows_;
+  if (report.right.used() < kFewestParts * parts) {
+    throw InputError("only " + std::to_string(report.points) + " points in " +
+                     std::to_string(frames_) + " pairs, enough of them in " +
+                     std::to_string(report.right.used()) + " of " + std::to_string(parts) +
+                     " parts of the image: too few to tell anything; the doctor says what is wrong "
+                     "with the images, or move the camera before more of a scene");
+  }
   if (!vertical.empty()) report.vertical_disparity_median_px = median(std::move(vertical));
   const RightDisplacement displacement = this->displacement();
   for (const ResidualCell& cell : report.right.cells) {
@@ -215,6 +236,10 @@ void CalibrationCheck::correct(const RightDisplacement& displacement,
   const RightDisplacement certain = [&](const Eigen::Vector2d& pixel) {
     return (pixel + taken.cwiseProduct(displacement(pixel) - pixel)).eval();
   };
+  const FieldSize& rows = report->corrects_rows ? report->rows_refined : report->rows;
+  const FieldSize left =
+      report->corrects_columns ? report->left_refined.size() : report->left.size();
+  report->agrees = std::max(rows.rms_px, left.rms_px) <= kMostRemaining_px;
   if (report->corrects_columns || report->corrects_rows) {
     report->corrected = correctedCalibration(calibration_, certain);
   } else {
@@ -232,6 +257,11 @@ std::string formatReport(const CalibrationReport& report) {
       line("  with online stereo calibration", report.left_refined.size()) +
       "estimated displacement of the right image\n" + line("  rows", report.rows_estimated) +
       line("  columns: bias of the disparity", report.columns_estimated);
+  if (!report.agrees) {
+    return text +
+           "the calibration does not agree with the images, and cannot be corrected by them: the "
+           "doctor says more; calibrate these cameras at this resolution\n";
+  }
   if (!report.corrects_rows && !report.corrects_columns) {
     return text + "the calibration agrees with the images: nothing to be corrected\n";
   }

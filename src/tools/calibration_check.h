@@ -26,7 +26,10 @@ struct ResidualField {
 
   std::vector<ResidualCell> cells;
 
-  /// The amount of the parts' residuals, with enough points only.
+  /// Parts with enough points.
+  int used() const;
+
+  /// The amount of their residuals.
   FieldSize size() const;
 };
 
@@ -48,6 +51,7 @@ struct CalibrationReport {
   FieldSize rows_estimated;                   ///< over the whole image
   bool corrects_columns = false;  ///< the estimate lowers what was measured: it is corrected
   bool corrects_rows = false;
+  bool agrees = true;              ///< what was measured, less what is corrected, is small
   CorrectedCalibration corrected;  ///< the given one if neither
   cv::Mat last_left;               ///< rectified, CV_8UC1
   cv::Mat last_right;
@@ -67,6 +71,7 @@ class CalibrationCheck {
 
   int frames() const { return frames_; }
 
+  /// Throws InputError if what was seen is too little to tell anything.
   CalibrationReport report() const;
 
  private:

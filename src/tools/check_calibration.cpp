@@ -27,6 +27,7 @@ namespace po = boost::program_options;
 
 constexpr const char* kLive = "live";
 constexpr int kFewestFrames = 3;  // two motions
+constexpr int kExitDisagrees = 1;
 constexpr const char* kImageName = "calibration.png";
 constexpr const char* kLeftName = "left.yaml";
 constexpr const char* kRightName = "right.yaml";
@@ -77,14 +78,15 @@ int checkCalibration(const Options& options) {
   if (!options.output.empty()) {
     output = std::make_unique<OutputFolder>(options.output);
     output->reserve(kImageName);
-    for (const char* name : {kLeftName, kRightName}) {
-      if (options.write) output->reserve(name);
-    }
   }
   const CalibrationReport report = measure(options);
+  const bool write = options.write && report.agrees;
   if (output) {
     output->write(kImageName, toPng(drawCalibration(report)));
-    if (options.write) {
+    for (const char* name : {kLeftName, kRightName}) {
+      if (write) output->reserve(name);
+    }
+    if (write) {
       const StereoCalibration& corrected = report.corrected.calibration;
       output->write(kLeftName, formatCameraInfo(corrected.left, "left"));
       output->write(kRightName, formatCameraInfo(corrected.right, "right"));
@@ -92,7 +94,9 @@ int checkCalibration(const Options& options) {
     output->commit();
   }
   std::cout << formatReport(report);
-  return 0;
+  if (report.agrees) return 0;
+  if (options.write) std::cout << "no calibration is written\n";
+  return kExitDisagrees;
 }
 
 po::options_description describeLive(LiveOptions* live) {
@@ -138,6 +142,12 @@ void checkOptions(const Options& options, const po::variables_map& values) {
     throw InputError("option --write needs a folder: add -o DIR");
   }
   checkInput(options.input, values);
+  if (options.input.input == kLive) {
+    refuseOptions(values, {"left-topic", "right-topic"},
+                  "bags; remap the names of a live camera: /stereo/left/image_rect:=TOPIC");
+  } else {
+    refuseOptions(values, {"ns", "node", "rectify", "transport", "seconds"}, "the input 'live'");
+  }
   if (options.input.input == kLive && options.input.max_interval_s > 1.0) {
     throw InputError("option --approximate-sync of a live camera must be at most 1 second");
   }
@@ -166,7 +176,8 @@ int runCommandLine(int argc, char** argv) {
                  "a bag, the folder of a KITTI or EuRoC sequence, the synthetic world\n"
                  "(synthetic:SCENE[,name=value ...], see offline_odometry) or 'live'. The camera\n"
                  "must move. The corrected calibration is for the driver of the camera, or for\n"
-                 "--left-camera-info and --right-camera-info of this tool and offline_odometry.\n\n"
+                 "--left-camera-info and --right-camera-info of this tool and offline_odometry.\n"
+                 "Exit code 1: it does not agree, and the images cannot correct it.\n\n"
               << visible;
     return 0;
   }

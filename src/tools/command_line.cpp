@@ -1,5 +1,6 @@
 #include "tools/command_line.h"
 
+#include <algorithm>
 #include <boost/program_options.hpp>
 #include <cstdio>
 #include <exception>
@@ -35,7 +36,7 @@ std::string knownFormats() {
 }  // namespace
 
 int runTool(const char* name, int argc, char** argv, const std::function<int(int, char**)>& tool) {
-  if (argc == 2 && std::string(argv[1]) == "--version") {
+  if (std::find(argv + 1, argv + argc, std::string("--version")) != argv + argc) {
     std::printf(
         "%s (point_line_odometry) %s\nreads bags of version 1.2 and 2.0, recordings of format %s\n",
         name, version(), knownFormats().c_str());
@@ -83,6 +84,14 @@ boost::program_options::variables_map parseArguments(
 void printWarnings(const char* tool, const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings)
     std::fprintf(stderr, "%s: warning: %s\n", tool, warning.c_str());
+}
+
+void refuseOptions(const boost::program_options::variables_map& values,
+                   const std::vector<const char*>& names, const std::string& what_for) {
+  for (const char* name : names) {
+    if (values.count(name) == 0 || values[name].defaulted()) continue;
+    throw InputError("option --" + std::string(name) + " is for " + what_for);
+  }
 }
 
 void requirePositive(const std::string& option, long value,

@@ -145,16 +145,17 @@ std::vector<DoctorLine> checkBag(const Options& options, const po::variables_map
   ros::Time::init();
   DoctorBag bag(options.bag);
   AllParameters parameters;
-  StereoTopics topics = options.topics;
-  if (topics.left.empty()) topics = bag.findTopics(options.name_space, options.rectify);
-  if (topics.right.empty()) topics.right = rightTopicOf(topics.left);
+  const StereoTopics topics = bag.findTopics(options.topics, options.name_space, options.rectify);
   parameters.node.rectify = topics.raw();
   applyOptions(options, values, &parameters.node);
-  DoctorChecks checks(parameters.node);
   const std::string imu_topic = bag.findImu(topics);
   DoctorPairs pairs(kSets);
   const auto take = [&](const StereoMessages& set, double time_s) { pairs.take(set, time_s); };
-  const InputFacts input = bag.read(topics, parameters.node, options.seconds, take);
+  parameters.node.mask_images = bag.maskImages(topics);
+  MaskBuffer masks(parameters.node);
+  const InputFacts input = bag.read(topics, parameters.node, options.seconds, take, &masks);
+  pairs.addMasks(&masks);
+  DoctorChecks checks(parameters.node);
   pairs.measure(&checks);
   DoctorFacts facts = checks.facts(input, bag.transforms());
   if (!imu_topic.empty()) addImu(bag.readImu(imu_topic), parameters, bag.transforms(), &facts);
@@ -217,6 +218,12 @@ int runCommandLine(int argc, char** argv) {
   }
   if (!(options.max_interval_s >= 0.0) || options.max_interval_s > 1.0) {
     throw InputError("option --approximate-sync must be a number of seconds from 0 to 1");
+  }
+  if (options.bag.empty()) {
+    refuseOptions(values, {"left-topic", "right-topic"},
+                  "bags; remap the names of a live camera: /stereo/left/image_rect:=TOPIC");
+  } else {
+    refuseOptions(values, {"node", "transport"}, "a live camera, not for a bag");
   }
   return report(options.bag.empty() ? checkLive(options, values) : checkBag(options, values));
 }

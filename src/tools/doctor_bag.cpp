@@ -1,6 +1,5 @@
 #include "tools/doctor_bag.h"
 
-#include <console_bridge/console.h>
 #include <ros/names.h>
 #include <rosbag/view.h>
 #include <tf2_msgs/TFMessage.h>
@@ -27,84 +26,89 @@ void add(const rosbag::MessageInstance& message, const StereoInput::TopicNames& 
 
 }  // namespace
 
-DoctorBag::DoctorBag(const std::string& file) : file_(file), tf_(ros::Duration(3600.0)) {
-  guarded([&] {
-    // The bag library logs faults before it throws them; the exception reports them once.
-    console_bridge::noOutputHandler();
-    bag_.open(file_, rosbag::bagmode::Read);
-    rosbag::View all(bag_);
-    for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
-      const std::string& type = connection->datatype;
-      if (type == "sensor_msgs/Image") images_.insert(connection->topic);
-      if (type == "sensor_msgs/Imu") imus_.insert(connection->topic);
-      if (type == "sensor_msgs/CompressedImage") compressed_.insert(connection->topic);
-    }
-  });
-}
+DoctorBag::DoctorBag(const std::string& file) : bag_(file), tf_(ros::Duration(3600.0)) {}
 
-StereoTopics DoctorBag::findTopics(const std::string& name_space, bool rectify) const {
+StereoTopics DoctorBag::findTopics(const StereoTopics& named, const std::string& name_space,
+                                   bool rectify) const {
+  if (!named.left.empty() || !named.right.empty()) return bag_.chooseTopics(named);
+  const std::set<std::string>& images = bag_.topics().images;
   const std::string prefix = ros::names::clean("/" + name_space + "/") + "/";
   const auto topics = [&](bool raw) {
     return StereoTopics{prefix + stereoTopicName(kLeftImage, raw),
                         prefix + stereoTopicName(kRightImage, raw)};
   };
   const auto has = [&](const StereoTopics& pair) {
-    return images_.count(pair.left) > 0 && images_.count(pair.right) > 0;
+    return images.count(pair.left) > 0 && images.count(pair.right) > 0;
   };
   if (!rectify && has(topics(false))) return topics(false);
   if (has(topics(true))) return topics(true);
   try {
-    return findStereoTopics(images_);
+    return findStereoTopics(images);
   } catch (const InputError&) {
     const bool raw =
-        rectify || images_.count(topics(true).left) > 0 || images_.count(topics(true).right) > 0;
+        rectify || images.count(topics(true).left) > 0 || images.count(topics(true).right) > 0;
     return topics(raw);
   }
 }
 
 std::vector<std::string> DoctorBag::imageTopics() const {
-  std::vector<std::string> names(images_.begin(), images_.end());
-  names.insert(names.end(), compressed_.begin(), compressed_.end());
+  const InputBag::Topics& topics = bag_.topics();
+  std::vector<std::string> names(topics.images.begin(), topics.images.end());
+  names.insert(names.end(), topics.compressed_images.begin(), topics.compressed_images.end());
   return names;
 }
 
 InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& parameters,
-                           double seconds, const TakeSet& take) {
+                           double seconds, const TakeSet& take, MaskBuffer* masks) {
   const StereoInput::TopicNames names{topics.left, topics.right, cameraInfoTopic(topics.left),
                                       cameraInfoTopic(topics.right)};
   double now_s = 0.0;
   StereoInput input(parameters, names, [&](const StereoMessages& set) { take(set, now_s); });
-  guarded([&] {
-    const std::vector<std::string> of_camera(names.begin(), names.end());
-    rosbag::View camera(bag_, rosbag::TopicQuery(of_camera));
-    const ros::Time end =
-        camera.size() == 0 ? ros::TIME_MAX : camera.getBeginTime() + ros::Duration(seconds);
-    readTransforms(end);
-    if (camera.size() > 0) begin_ = camera.getBeginTime();
-    end_ = end;
-    for (const rosbag::MessageInstance& message : camera) {
+  bag_.guarded([&] {
+    const auto images = bag_.view({topics.left, topics.right});
+    if (images->size() > 0) {
+      begin_ = images->getBeginTime();
+      end_ = begin_ + ros::Duration(seconds);
+    }
+    readTransforms(end_);
+    const auto camera = bag_.view({names.begin(), names.end()});
+    for (const rosbag::MessageInstance& message : *camera) {
       throwIfInterrupted();
-      if (message.getTime() > end) break;
+      if (message.getTime() > end_) break;
       now_s = message.getTime().toSec();
       add(message, names, now_s, &input);
     }
+    readMasks(topics, masks);
   });
   return input.facts(now_s);
 }
 
-std::string DoctorBag::findImu(const StereoTopics& topics) const {
-  std::string beside = ros::names::clean(
-      ros::names::parentNamespace(ros::names::parentNamespace(topics.left)) + "/imu");
-  if (imus_.count(beside) > 0) return beside;
-  return imus_.size() == 1 ? *imus_.begin() : "";
+std::string DoctorBag::maskImages(const StereoTopics& topics) const {
+  const std::set<std::string>& images = bag_.topics().images;
+  const bool left = images.count(maskTopic(topics.left)) > 0;
+  const bool right = images.count(maskTopic(topics.right)) > 0;
+  if (left && right) return "both";
+  if (left || right) return left ? "left" : "right";
+  return "none";
+}
+
+/// Those of the images that were read; a network needs time.
+void DoctorBag::readMasks(const StereoTopics& topics, MaskBuffer* masks) const {
+  const std::vector<std::string> names{maskTopic(topics.left), maskTopic(topics.right)};
+  const auto view = bag_.view(names);
+  for (const rosbag::MessageInstance& message : *view) {
+    const auto mask = message.instantiate<sensor_msgs::Image>();
+    if (!mask || mask->header.stamp > end_) continue;
+    masks->add(message.getTopic() == names[0] ? 0 : 1, mask);
+  }
 }
 
 ImuCheckFacts DoctorBag::readImu(const std::string& topic) const {
   ImuCheckFacts facts;
   facts.topic = topic;
-  guarded([&] {
-    rosbag::View view(bag_, rosbag::TopicQuery(topic));
-    for (const rosbag::MessageInstance& message : view) {
+  bag_.guarded([&] {
+    const auto view = bag_.view({topic});
+    for (const rosbag::MessageInstance& message : *view) {
       throwIfInterrupted();
       constexpr double kMargin_s = 1.0;
       const double time_s = message.getTime().toSec();
@@ -119,26 +123,15 @@ ImuCheckFacts DoctorBag::readImu(const std::string& topic) const {
   return facts;
 }
 
-void DoctorBag::guarded(const std::function<void()>& step) const {
-  try {
-    step();
-  } catch (const rosbag::BagUnindexedException&) {
-    throw InputError("bag '" + file_ + "' was not closed: repair it with 'rosbag reindex'");
-  } catch (const ros::Exception& error) {
-    throw InputError("bag '" + file_ + "' cannot be read (" + error.what() +
-                     "): it is cut off, damaged or no bag; try 'rosbag reindex'");
-  }
-}
-
 void DoctorBag::readTransforms(const ros::Time& end) {
   for (const char* topic : {"/tf_static", "/tf"}) {
     const bool is_static = std::string(topic) == "/tf_static";
-    rosbag::View view(bag_, rosbag::TopicQuery(topic));
-    for (const rosbag::MessageInstance& message : view) {
+    const auto view = bag_.view({topic});
+    for (const rosbag::MessageInstance& message : *view) {
       const auto transforms = message.instantiate<tf2_msgs::TFMessage>();
       if (!transforms || (!is_static && message.getTime() > end)) continue;
       for (const auto& transform : transforms->transforms) {
-        tf_.setTransform(transform, file_, is_static);
+        tf_.setTransform(transform, "bag", is_static);
       }
     }
   }

@@ -48,19 +48,24 @@ void DoctorPairs::process(const AllParameters& parameters, DoctorFacts* facts) c
   std::vector<ImageMotion> motions;
   std::vector<std::int64_t> motion_ends_ns;
   MaskFacts masks;
+  std::optional<FrameProcessor> processor;
   try {
-    FrameProcessor processor(parameters);
-    for (const StereoMessages& set : sets_) {
+    processor.emplace(parameters);
+  } catch (const std::exception&) {
+    return;  // the line on masks has the reason
+  }
+  for (const StereoMessages& set : sets_) {
+    try {
       const Clock::time_point begin = Clock::now();
-      const ProcessedFrame frame = processor.process(set, Eigen::Isometry3d::Identity());
+      const ProcessedFrame frame = processor->process(set, Eigen::Isometry3d::Identity());
       times_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
       masks.add(frame);
       if (frame.result.state != TrackingState::kOk || !frame.result.image_motion) continue;
       motions.push_back(*frame.result.image_motion);
       motion_ends_ns.push_back(frame.result.stamp_ns);
+    } catch (const std::exception&) {
+      continue;  // the lines on images and calibration have the reason
     }
-  } catch (const std::exception&) {
-    return;  // the other lines have the reason
   }
   if (masks.frames > 0) facts->masks = masks;
   if (facts->imu && facts->imu->R_camera_imu) {

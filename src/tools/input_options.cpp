@@ -56,6 +56,13 @@ void checkInput(const InputOptions& input, const po::variables_map& values) {
   if (!(input.max_interval_s >= 0.0) || input.max_interval_s > kMostInterval_s) {
     throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
   }
+  const bool is_folder = std::filesystem::is_directory(input.input);
+  if (isSyntheticName(input.input) || is_folder) {
+    refuseOptions(values,
+                  {"left-topic", "right-topic", "approximate-sync", "imu-topic", "wheel-topic"},
+                  "bags, not for '" + input.input + "'");
+  }
+  if (is_folder) refuseOptions(values, {"mask-images"}, "bags and the synthetic world");
 }
 
 std::unique_ptr<StereoSource> openInput(const InputOptions& input, BagOptions bag) {

@@ -42,7 +42,7 @@ void describeInput(InputOptions* input, boost::program_options::options_descript
 void describeParameters(ParameterOptions* parameters,
                         boost::program_options::options_description* description);
 
-/// Throws InputError if a number is out of its range.
+/// Throws InputError if a number is out of its range, or an option is for another kind of input.
 void checkInput(const InputOptions& input, const boost::program_options::variables_map& values);
 
 /// \param bag what is read of it, if it is one, beside the topics and the interval. Throws

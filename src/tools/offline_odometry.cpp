@@ -41,6 +41,7 @@ constexpr int kExitNoReport = 1;
 struct Options {
   InputOptions input;
   std::string wheel_topic;
+  std::string imu_topic;
   double scale = 1.0;
   std::string priors;
   ParameterOptions parameters;
@@ -65,12 +66,16 @@ std::unique_ptr<StereoSource> openSource(const Options& options, const RecordedR
   InputOptions input = options.input;
   BagOptions bag;
   bag.wheel_topic = options.wheel_topic;
+  bag.imu_topic = options.imu_topic;
   bag.masks = input.masks.of_source;
   std::unique_ptr<StereoSource> source;
   if (recorded != nullptr) {
     input.masks.of_source = true;
-    source =
-        openBag({recorded->bag, recorded->topics, recorded->max_interval_ns, recorded->has_masks});
+    bag.file = recorded->bag;
+    bag.topics = recorded->topics;
+    bag.max_interval_ns = recorded->max_interval_ns;
+    bag.masks = recorded->has_masks;
+    source = openBag(bag);
   } else {
     source = openInput(input, bag);
   }
@@ -106,7 +111,11 @@ std::vector<StampedPose> groundTruthOf(const std::vector<FrameRow>& rows,
   if (begin != ground_truth.begin()) --begin;
   auto end = std::lower_bound(begin, ground_truth.end(), rows.back().pose, earlier);
   if (end != ground_truth.end()) ++end;
-  return {begin, end};
+  std::vector<StampedPose> poses;
+  for (auto pose = begin; pose != end; ++pose) {  // frames that are refused have one, too
+    if (poses.empty() || pose->stamp_ns > poses.back().stamp_ns) poses.push_back(*pose);
+  }
+  return poses;
 }
 
 void writeReport(const std::vector<FrameRow>& rows, const RunInfo& info, OutputFolder* output) {
@@ -158,9 +167,11 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
   if (every > 0) images_folder = output->makeFolder("features");
   Thumbnails thumbnails;
   ProgressBar progress("odometry", expectedSize(source, limit), options.quiet);
-  while ((limit == 0 || run->rows().size() < limit) && run->step()) {
+  while ((limit == 0 || run->rows().size() < limit)) {
+    const std::size_t index = run->rows().size();
+    if (!run->step()) break;
     throwIfInterrupted();
-    const std::size_t index = run->rows().size() - 1;
+    if (run->rows().size() == index) continue;  // refused
     if (every > 0 && index % every == 0) writeImage(images_folder, index, run->draw());
     if (options.report)
       thumbnails.offer(index, run->rows().back().state, [run] { return run->draw(); });
@@ -169,17 +180,33 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
   if (options.report) thumbnails.write(output->makeFolder("thumbnails").string());
 }
 
+/// What the user should know before the results are used.
+std::vector<std::string> warningsOf(const StereoSource& source, const OfflineRun& run) {
+  std::vector<std::string> warnings = source.warnings();
+  for (const auto& [reason, count] : run.refused()) {
+    warnings.push_back(std::to_string(count) +
+                       " frames were not accepted by the odometry: " + toString(reason));
+  }
+  const bool any_ok = std::any_of(run.rows().begin(), run.rows().end(), [](const FrameRow& row) {
+    return row.state == TrackingState::kOk;
+  });
+  if (!any_ok && run.rows().size() > 1)
+    warnings.push_back("the motion of no frame is known: frames.csv has the reasons");
+  return warnings;
+}
+
 int runOdometry(const Options& options) {
   std::optional<RecordingReplay> replay = openRecording(options.input.input);
   const std::unique_ptr<StereoSource> source =
       openSource(options, replay ? &replay->run() : nullptr);
   OfflineRun run = makeRun(*source, options, replay ? &*replay : nullptr);
   const std::vector<StampedPose> ground_truth = source->groundTruth();
-  OutputFolder output(options.output);
+  OutputFolder output(options.output, filesOfEarlierRun(options.output));
   for (const char* name :
        {"trajectory.tum", "trajectory.kitti", "frames.csv", "uncertainty.csv", "summary.json"}) {
     output.reserve(name);
   }
+  if (!ground_truth.empty()) output.reserve("groundtruth.tum");
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
   RunInfo info;
@@ -188,6 +215,10 @@ int runOdometry(const Options& options) {
   const PointParameters& points = run.odometry()->parameters().points;
   info.point_descriptor = points.enabled ? points.descriptor : "none";
   info.unsynchronized_images = source->unsynchronized();
+  info.refused = run.refused();
+  info.files = output.names();
+  info.warnings = warningsOf(*source, run);
+  printWarnings("offline_odometry", info.warnings);
   info.wall_s = std::chrono::duration<double>(Clock::now() - begin).count();
   info.point_residuals = run.pointResiduals();
   info.line_residuals = run.lineResiduals();
@@ -200,12 +231,8 @@ int runOdometry(const Options& options) {
                   unmatchedRows(*info.prior_file, options.priors, run.stamps()));
   if (replay) info.recording = replay->comparison();
   writeReport(run.rows(), info, &output);
-  if (ground_truth.empty()) {
-    output.discard("groundtruth.tum");
-  } else {
-    output.reserve("groundtruth.tum");
+  if (!ground_truth.empty())
     output.write("groundtruth.tum", formatTum(groundTruthOf(run.rows(), ground_truth)));
-  }
   output.commit();
   if (!options.quiet) std::cout << formatTable(run.rows(), info);
   if (!options.report) return 0;
@@ -238,6 +265,9 @@ po::options_description describeInput(Options* options) {
       ("wheel-topic",
        po::value(&options->wheel_topic)->value_name("TOPIC")->default_value("/wheel_odom"),
        "nav_msgs/Odometry of a bag by wheels, for wheels/enabled")
+      ("imu-topic", po::value(&options->imu_topic)->value_name("TOPIC"),
+       "sensor_msgs/Imu of a bag, for imu/enabled; default: NS/imu beside the images, or the only\n"
+       "one there is")
       ("scale", po::value(&options->scale)->value_name("FACTOR"),
        "scale the images by FACTOR, 0.1 to 10")
       ("priors", po::value(&options->priors)->value_name("FILE"),

@@ -1,12 +1,14 @@
 #include "tools/output_folder.h"
 
 #include <fstream>
+#include <utility>
 
 #include "common/input_error.h"
 
 namespace point_line_odometry {
 
-OutputFolder::OutputFolder(const std::string& folder) : folder_(folder) {
+OutputFolder::OutputFolder(const std::string& folder, std::optional<Names> own)
+    : folder_(folder), own_(std::move(own)) {
   std::error_code error;
   made_ = std::filesystem::create_directories(folder_, error);
   if (error) {
@@ -21,7 +23,16 @@ OutputFolder::~OutputFolder() {
   if (made_ && !committed_) std::filesystem::remove(folder_, ignored);
 }
 
+void OutputFolder::requireOwn(const std::string& name) const {
+  std::error_code ignored;
+  if (!own_ || own_->count(name) > 0 || !std::filesystem::exists(folder_ / name, ignored)) return;
+  throw InputError("'" + (folder_ / name).string() +
+                   "' exists already and was not written by this program: give another folder, or "
+                   "remove it");
+}
+
 void OutputFolder::reserve(const std::string& name) {
+  requireOwn(name);
   names_.push_back(name);
   if (!std::ofstream(temporary(name))) refuse(name);
 }
@@ -34,6 +45,7 @@ void OutputFolder::write(const std::string& name, const std::string& content) co
 }
 
 std::filesystem::path OutputFolder::makeFolder(const std::string& name) {
+  requireOwn(name);
   names_.push_back(name);
   std::error_code error;
   std::filesystem::remove_all(temporary(name), error);
@@ -43,9 +55,9 @@ std::filesystem::path OutputFolder::makeFolder(const std::string& name) {
 }
 
 void OutputFolder::commit() {
-  for (const std::string& name : discarded_) {
+  for (const std::string& name : own_.value_or(Names())) {
     std::error_code ignored;
-    std::filesystem::remove(folder_ / name, ignored);
+    std::filesystem::remove_all(folder_ / name, ignored);
   }
   for (const std::string& name : names_) {
     std::error_code error;

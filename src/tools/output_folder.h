@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -10,24 +12,30 @@ namespace point_line_odometry {
 /// the destructor removes them, and the folder if it was created here.
 class OutputFolder {
  public:
-  /// Creates the folder. Throws InputError if that fails.
-  explicit OutputFolder(const std::string& folder);
+  /// What is in a folder, by name.
+  using Names = std::set<std::string>;
+
+  /// Creates the folder. \param own what the same program has written there before: nothing else is
+  /// replaced, and what is not written again is removed; without it, what is in the way is
+  /// replaced. Throws InputError if the folder cannot be made.
+  explicit OutputFolder(const std::string& folder, std::optional<Names> own = std::nullopt);
 
   ~OutputFolder();
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
 
-  /// Checks that a file can be written here, so that a long run does not fail at its end.
+  /// Checks that a file can be written here, so that a long run does not fail at its end. Throws
+  /// InputError if not, or if there is one that must not be replaced.
   void reserve(const std::string& name);
 
   /// Writes the whole file under its temporary name.
   void write(const std::string& name, const std::string& content) const;
 
-  /// Creates a sub-folder under a temporary name and returns that name.
+  /// Creates a sub-folder under a temporary name and returns that name. Throws likewise.
   std::filesystem::path makeFolder(const std::string& name);
 
-  /// commit() removes an older file of that name, which would not belong to the new ones.
-  void discard(const std::string& name) { discarded_.push_back(name); }
+  /// What will be there.
+  const std::vector<std::string>& names() const { return names_; }
 
   /// Gives every file its name; older files of that name are replaced.
   void commit();
@@ -35,13 +43,15 @@ class OutputFolder {
  private:
   std::filesystem::path temporary(const std::string& name) const;
 
+  void requireOwn(const std::string& name) const;
+
   [[noreturn]] void refuse(const std::string& name) const;
 
   std::filesystem::path folder_;
+  std::optional<Names> own_;
   bool made_ = false;
   bool committed_ = false;
   std::vector<std::string> names_;
-  std::vector<std::string> discarded_;
 };
 
 /// A folder that appears as a whole: it has a temporary name until commit(); without commit() the

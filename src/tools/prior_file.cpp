@@ -10,6 +10,7 @@
 
 #include "common/classic_stream.h"
 #include "common/input_error.h"
+#include "dataset/text_rows.h"
 
 namespace point_line_odometry {
 namespace {
@@ -60,11 +61,10 @@ std::int64_t distanceToFrame_ns(std::int64_t stamp_ns, const std::vector<std::in
 }  // namespace
 
 PriorsByStamp readPriors(const std::string& file) {
-  std::ifstream in(file);
-  if (!in) throw InputError("prior file '" + file + "' cannot be read: check the path");
+  if (!std::ifstream(file))
+    throw InputError("prior file '" + file + "' cannot be read: check the path");
   PriorsByStamp priors;
-  for (std::string row; std::getline(in, row);) {
-    if (row.empty() || row.front() == '#') continue;
+  for (const std::string& row : readLines(file)) {
     try {
       const MotionPrior prior = parsePrior(row);
       if (!priors.emplace(prior.to_ns, prior).second)

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <iomanip>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -212,6 +214,12 @@ json priorFileJson(const PriorFileUse& use) {
   return {{"rows", use.rows}, {"unmatched", unmatched}};
 }
 
+json refusedJson(const RunInfo& info) {
+  json refused = json::object();
+  for (const auto& [reason, count] : info.refused) refused[toString(reason)] = count;
+  return refused;
+}
+
 }  // namespace
 
 std::string formatFramesCsv(const std::vector<FrameRow>& rows) {
@@ -264,7 +272,10 @@ std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& 
       {"input", info.input},
       {"line_detector", info.line_detector},
       {"point_descriptor", info.point_descriptor},
+      {"files", info.files},
+      {"warnings", info.warnings},
       {"frames", rows.size()},
+      {"refused_frames", refusedJson(info)},
       {"degraded", countState(rows, TrackingState::kDegraded)},
       {"lost", countState(rows, TrackingState::kLost)},
       {"failed_windows", sumOf(&FrameCounts::failed_windows, rows)},
@@ -291,6 +302,26 @@ std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& 
   return summary.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
+std::set<std::string> filesOfEarlierRun(const std::string& folder) {
+  std::ifstream file(std::filesystem::path(folder) / "summary.json");
+  const json summary = json::parse(file, nullptr, false);
+  if (!summary.is_object() || !summary.contains("version") || !summary.contains("line_detector"))
+    return {};
+  std::set<std::string> files{"report.html"};
+  if (!summary.contains("files")) {  // of versions up to 1.0.0
+    files.insert({"trajectory.tum", "trajectory.kitti", "frames.csv", "uncertainty.csv",
+                  "summary.json", "groundtruth.tum", "features", "thumbnails"});
+  } else if (summary["files"].is_array()) {
+    for (const json& name : summary["files"]) {
+      const bool is_name = name.is_string() && !name.get<std::string>().empty() &&
+                           name.get<std::string>().find('/') == std::string::npos &&
+                           name.get<std::string>().front() != '.';
+      if (is_name) files.insert(name.get<std::string>());
+    }
+  }
+  return files;
+}
+
 std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo& info) {
   std::ostringstream text = fixedStream(2);
   const auto heading = [&text](const char* name) {
@@ -313,8 +344,9 @@ std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo& info) 
   text << rows.size() << " frames in " << info.wall_s
        << " s: " << countState(rows, TrackingState::kOk) << " ok, "
        << countState(rows, TrackingState::kDegraded) << " degraded, "
-       << countState(rows, TrackingState::kLost) << " lost; peak memory " << peakMemory_MB()
-       << " MB\n"
+       << countState(rows, TrackingState::kLost) << " lost";
+  for (const auto& [reason, count] : info.refused) text << ", " << count << ' ' << toString(reason);
+  text << "; peak memory " << peakMemory_MB() << " MB\n"
        << "line detector: " << info.line_detector << "; point descriptor: " << info.point_descriptor
        << '\n'
        << "variance of the weighted residuals (1: as modelled): points "

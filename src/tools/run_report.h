@@ -4,7 +4,9 @@
 /// The report of offline_odometry on a run: rows of frames, and the content of its files.
 
 #include <cstddef>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -49,6 +51,9 @@ struct RunInfo {
   std::string line_detector;     ///< that was used
   std::string point_descriptor;  ///< likewise
   std::size_t unsynchronized_images = 0;
+  std::map<TrackingReason, std::size_t> refused;  ///< frames that the odometry did not accept
+  std::vector<std::string> warnings;  ///< what was left out of the input, and what else is odd
+  std::vector<std::string> files;     ///< in the folder of the results, but for report.html
   double wall_s = 0.0;
   ResidualHistogram point_residuals;  ///< of all frames
   ResidualHistogram line_residuals;
@@ -68,6 +73,9 @@ std::string formatUncertaintyCsv(const std::vector<FrameRow>& rows);
 
 /// summary.json: the run for scripts. Numbers have 4 decimals at most.
 std::string formatSummaryJson(const std::vector<FrameRow>& rows, const RunInfo& info);
+
+/// Files and folders that an earlier run has written to a folder, by its summary.json.
+std::set<std::string> filesOfEarlierRun(const std::string& folder);
 
 /// The table that is printed at the end of a run.
 std::string formatTable(const std::vector<FrameRow>& rows, const RunInfo& info);

@@ -26,6 +26,7 @@ class SourceFilter : public StereoSource {
   const StereoCalibration& calibration() const override { return source_->calibration(); }
   bool needsRectification() const override { return source_->needsRectification(); }
   std::size_t unsynchronized() const override { return source_->unsynchronized(); }
+  std::vector<std::string> warnings() const override { return source_->warnings(); }
   std::vector<StampedPose> groundTruth() const override { return source_->groundTruth(); }
   std::optional<ImuData> imu() override { return source_->imu(); }
   std::optional<WheelData> wheels() override { return source_->wheels(); }

@@ -35,6 +35,9 @@ class StereoSource {
   /// Images skipped as they had no partner.
   virtual std::size_t unsynchronized() const { return 0; }
 
+  /// A sentence for each kind of data that was left out so far, as it cannot be used.
+  virtual std::vector<std::string> warnings() const { return {}; }
+
   /// True poses of the left camera (the raw one for raw images), empty if they are not known.
   virtual std::vector<StampedPose> groundTruth() const { return {}; }
 
