@@ -6,7 +6,8 @@ repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 workspace=$repository/.workspace
 noetic=/opt/ros/noetic
 
-step() { printf '\n=== %s\n' "$*"; }
+# Says what begins, and how long the script has run: [min:s].
+step() { printf '\n=== [%d:%02d] %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$*"; }
 
 # Ends the script with a reason, one sentence, and exit code 2.
 stop() {

@@ -153,11 +153,58 @@ class LaunchFileTest(unittest.TestCase):
         self.assertNotIn("-f", subprocess.run(command, stdout=subprocess.PIPE, check=True,
                                               universal_newlines=True).stdout.split())
         self.assertFalse(self.parameters("euroc.launch", "rectify:=false")["rectify"])
-        result = subprocess.run(["roslaunch", "--dump-params", PACKAGE,
-                                 "robot_localization.launch", "ns:=front"], check=True,
+
+    # Arguments of stereo_odometry.launch: a value, and the parameter that it sets.
+    PARAMETERS = {
+        "rectify": (True, "rectify"), "approximate_sync": (True, "approximate_sync"),
+        "approximate_sync_max_interval_s": (0.02, "approximate_sync_max_interval_s"),
+        "image_transport": ("compressed", "image_transport"), "odom_frame_id": ("vo", "odom_frame_id"),
+        "base_frame_id": ("robot", "base_frame_id"), "publish_tf": (False, "publish_tf"),
+        "imu": (True, "imu/enabled"), "guess_frame_id": ("wheels", "guess_frame_id"),
+        "planar": (True, "planar/enabled"), "on_time_jump": ("keep_pose", "on_time_jump"),
+        "left_mask": ("/l.png", "left/mask"), "right_mask": ("/r.png", "right/mask"),
+        "mask_images": ("left", "mask_images")}
+    # Those that are names, and the remappings that they make; the values of left and right are parts of others.
+    NAMES = {
+        "left": ("front_left", "left/mask_image:=front_left/mask_image"),
+        "right": ("front_right", "right/mask_image:=front_right/mask_image"),
+        "left_image": ("/l/image", "left/image_raw:=/l/image"),
+        "left_info": ("/l/info", "left/camera_info:=/l/info"),
+        "right_image": ("/r/image", "right/image_rect:=/r/image"),
+        "right_info": ("/r/info", "right/camera_info:=/r/info"),
+        "imu_topic": ("/front/imu", "imu:=/front/imu"),
+        "prior_odom": ("/wheels/odom", "prior_odom:=/wheels/odom")}
+
+    def test_all_arguments_reach_the_node(self):
+        text = read_document("launch/stereo_odometry.launch")
+        declared = set(re.findall(r'<arg name="(\w+)" default=', text))
+        self.assertEqual(declared, {*self.PARAMETERS, *self.NAMES, "ns", "manager", "config"})
+        values = {name: str(value).lower() if isinstance(value, bool) else value
+                  for name, (value, _) in {**self.PARAMETERS, **self.NAMES}.items()}
+        arguments = [f"{name}:={value}" for name, value in values.items()]
+        given = self.parameters("stereo_odometry.launch", *arguments)
+        for value, parameter in self.PARAMETERS.values():
+            self.assertEqual(given[parameter], value, parameter)
+        self.assertTrue(given["wheels/enabled"])
+        result = subprocess.run(["roslaunch", "--args", "/stereo/stereo_odometry", PACKAGE,
+                                 "stereo_odometry.launch", *arguments], check=True,
                                 stdout=subprocess.PIPE, universal_newlines=True, timeout=60)
-        self.assertEqual(yaml.safe_load(result.stdout)["/ekf/odom0"], "front/odom",
-                         "in the namespace of the filter")
+        for _, remapping in self.NAMES.values():
+            self.assertIn(f" {remapping} ", result.stdout.replace("\n", " "))
+
+    def test_one_of_two_filters_has_the_wheels(self):
+        def dump(*arguments):
+            return subprocess.run(["roslaunch", "--dump-params", PACKAGE,
+                                   "robot_localization.launch", *arguments],
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                  universal_newlines=True, timeout=60)
+        for wheels, of_prior in (("prior", True), ("filter", False)):
+            given = yaml.safe_load(dump("wheels:=" + wheels, "ns:=front").stdout)
+            self.assertEqual(given["/ekf/odom0"], "front/odom", "in the namespace of the filter")
+            self.assertEqual("/ekf/odom1" in given, not of_prior)
+            self.assertEqual(given.get("/front/stereo_odometry/wheels/enabled", False), of_prior)
+            self.assertFalse(given["/front/stereo_odometry/publish_tf"])
+        self.assertNotEqual(dump("wheels:=both").returncode, 0)
 
 
 class RunningNodeTest(RosTest):

@@ -217,6 +217,11 @@ struct SyntheticWorld::Impl {
   }
 
   /// Light that reaches both cameras at an instant, or with a rolling shutter around it.
+  std::vector<cv::Mat> noLight() const {
+    const cv::Size size(calibration.left.width, calibration.left.height);
+    return {cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1)};
+  }
+
   std::vector<cv::Mat> lightAt(double time_s) const {
     std::vector<cv::Mat> light = options.rolling_shutter_ms == 0.0
                                      ? sceneLight(time_s, cv::Range::all())
@@ -356,9 +361,11 @@ WheelData SyntheticWorld::wheels(std::size_t last_frame) const {
 StereoImages SyntheticWorld::render(std::size_t frame) const {
   const double time_s = impl_->timeOf(frame);
   const double shutter_s = 1e-3 * impl_->exposure.shutter_ms;
-  const int steps = shutter_s > 0.0 ? impl_->blurSteps(time_s, shutter_s) : 1;
+  const bool is_dark = impl_->isDark(time_s);
+  const int steps = shutter_s > 0.0 && !is_dark ? impl_->blurSteps(time_s, shutter_s) : 1;
   std::vector<cv::Mat> light;
-  for (int i = 0; i < steps; ++i) {
+  if (is_dark) light = impl_->noLight();
+  for (int i = 0; i < steps && !is_dark; ++i) {
     const double share = (i + 0.5) / steps - 0.5;  // of the exposure time, from its middle
     const std::vector<cv::Mat> now = impl_->lightAt(time_s + share * shutter_s);
     if (light.empty()) {
@@ -374,8 +381,7 @@ StereoImages SyntheticWorld::render(std::size_t frame) const {
     const double jitter_ev = o.exposure_jitter_ev * world::Random(seed).uniform(-1.0, 1.0);
     const world::Sensor sensor{o.exposure_ev + jitter_ev, o.lens_blur_px, o.vignetting,
                                impl_->exposure.noise};
-    cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
-    if (impl_->isDark(time_s)) mean.setTo(0.0);
+    const cv::Mat mean = steps > 1 ? cv::Mat(light[camera] / steps) : light[camera];
     return world::expose(mean, sensor, seed);
   };
   StereoImages images;
