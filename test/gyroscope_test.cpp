@@ -234,6 +234,7 @@ TEST(Gyroscope, NeedsNoAccelerometer) {
     gyroscope.add(sample);
   }
   EXPECT_EQ(gyroscope.faults().not_finite, 0U);
+  EXPECT_GT(gyroscope.faults().without_acceleration, 0U);
   EXPECT_TRUE(gyroscope.between(stampOf(1), stampOf(2)));
   EXPECT_FALSE(gyroscope.forceBetween(stampOf(1), stampOf(2)));
 }

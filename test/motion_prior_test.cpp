@@ -98,8 +98,8 @@ TEST(MotionPriors, WrongOnesAreRejectedAndChangeNothing) {
   const std::vector<FrameResult> without = run(none);
   const std::vector<FrameResult> always = run(wrong);
   expectSamePoses(without, always);
-  for (int k = 1; k <= 3; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kRejected) << k;
-  for (int k = 4; k < kFrames; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kSuspended) << k;
+  for (int k = 1; k <= 4; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kRejected) << k;
+  for (int k = 5; k < kFrames; ++k) EXPECT_EQ(always[k].prior.use, PriorUse::kSuspended) << k;
   for (int k = 1; k < kFrames; ++k) EXPECT_GT(always[k].prior.chi_square, 100.0);
   // Each time again after good ones: rejected, not yet suspended.
   const std::vector<FrameResult> sometimes =

@@ -451,8 +451,9 @@ class BagInputTest(ToolTest):
             return [(topic, message)]
         bag = self.make_bag(later)
         self.refuse_bag("--approximate-sync", bag)
-        output = self.offline(bag, "out", "--approximate-sync", 0.002)
-        self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), FRAMES)
+        for interval in (0.002, 0.0011):  # with the latter the last pair waits for a nearer partner
+            output = self.offline(bag, "out", "--approximate-sync", interval)
+            self.assertEqual(read(os.path.join(output, "trajectory.tum")).count(b"\n"), FRAMES)
 
     def test_passes_over_images_without_partner(self):
         seen = []
@@ -490,17 +491,29 @@ class BagInputTest(ToolTest):
                             self.offline(bag, "near", "--approximate-sync", 0.11))
 
     def test_a_wild_stamp_costs_one_pair(self):
-        seen = []
+        for seconds in (4000000000, 4294967295, 1700000000):
+            for options in ((), ("--approximate-sync", 0.02)):
+                for index in (1, 2, FRAMES):
+                    with self.subTest(seconds=seconds, options=options, index=index):
+                        seen = []
 
-        def wild(topic, message):
-            seen.append(topic)
-            if topic.endswith("left/image_rect") and seen.count(topic) == 2:
-                message.header.stamp.secs = 4000000000
+                        def wild(topic, message, seen=seen, index=index, seconds=seconds):
+                            seen.append(topic)
+                            if topic.endswith("left/image_rect") and seen.count(topic) == index:
+                                message.header.stamp.secs = seconds
+                            return [(topic, message)]
+                        frames, warnings = self.warnings_of(self.make_bag(wild), *options)
+                        self.assertEqual(frames, FRAMES - 1)
+                        self.assertIn("1 images are not used for their stamps", warnings)
+                        self.assertIn(f"/stereo/left/image_rect: stamp {seconds}", warnings)
+
+    def test_a_pause_before_the_end_costs_nothing(self):
+        def pause(topic, message):
+            if topic.startswith("/stereo") and message.header.stamp.to_sec() > 1.15:
+                message.header.stamp.secs += 3
             return [(topic, message)]
-        frames, warnings = self.warnings_of(self.make_bag(wild))
-        self.assertEqual(frames, FRAMES - 1)
-        self.assertIn("1 images are not used for their stamps", warnings)
-        self.assertIn("/stereo/left/image_rect: stamp 4000000000", warnings)
+        frames, warnings = self.warnings_of(self.make_bag(pause))
+        self.assertEqual((frames, warnings), (FRAMES, ""))
 
     def test_a_damaged_image_costs_one_pair(self):
         seen = []

@@ -40,7 +40,7 @@ def data_folder(name):
 
 def run(name, *arguments):
     return subprocess.run([find_program(name), *map(str, arguments)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, timeout=300)
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=1200)
 
 
 def write_png(path, rows):

@@ -771,7 +771,22 @@ TEST(PoseIntegrator, AnUnknownMotionKeepsToTheLimits) {
     EXPECT_LE(sigma.head<3>().maxCoeff(), 7201.0);
     EXPECT_GE(sigma.head<3>().minCoeff(), 7000.0);
     EXPECT_LE(sigma.tail<3>().maxCoeff(), M_PI + 1e-9);
+    EXPECT_GE(sigma.tail<3>().minCoeff(), 3.0);
   }
+}
+
+TEST(PoseIntegrator, AfterALongGapTheRotationIsUnknown) {
+  PoseIntegrator pose;
+  pose.reset(Isometry3d::Identity());
+  MotionStep step;
+  step.covariance = 1e-8 * Matrix6d::Identity();
+  pose.addMeasurement(step, 0.1, 0);
+  EXPECT_FALSE(pose.addPrediction(3.0, 0.5, {}));
+  const Vector6d sigma = pose.covariance().diagonal().cwiseSqrt();
+  EXPECT_NEAR(sigma.tail<3>().minCoeff(), M_PI, 0.1);
+  EXPECT_GE(sigma.head<3>().minCoeff(), 20.0);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(pose.covariance());
+  EXPECT_GE(eigen.eigenvalues().minCoeff(), 0.0);
 }
 
 /// The way bends: after T seconds at v its end is 1/2 v w T^2 aside, by an error w of the turn

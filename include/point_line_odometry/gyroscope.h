@@ -22,10 +22,11 @@ struct ImuSample {
 
 /// Samples that were not used, since the start.
 struct ImuFaults {
-  std::size_t doubled = 0;     ///< with the stamp of another one
-  std::size_t late = 0;        ///< older than all that are kept
-  std::size_t not_finite = 0;  ///< NaN or infinite rates
-  std::size_t saturated = 0;   ///< beyond imu/range_deg_s: the frames around them have no prior
+  std::size_t doubled = 0;               ///< with the stamp of another one
+  std::size_t late = 0;                  ///< older than all that are kept
+  std::size_t not_finite = 0;            ///< NaN or infinite rates
+  std::size_t without_acceleration = 0;  ///< used, but NaN or infinite: not for gravity
+  std::size_t saturated = 0;  ///< beyond imu/range_deg_s: the frames around them have no prior
 };
 
 /// What is estimated of a gyroscope, with standard deviations.

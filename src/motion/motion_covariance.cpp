@@ -53,6 +53,7 @@ double varianceFactor(const ResidualStatistics& statistics) {
 NormalEquations& NormalEquations::operator+=(const NormalEquations& other) {
   information += other.information;
   shift_of_far += other.shift_of_far;
+  by_disparity += other.by_disparity;
   correlation += other.correlation;
   return *this;
 }
@@ -60,6 +61,7 @@ NormalEquations& NormalEquations::operator+=(const NormalEquations& other) {
 NormalEquations& NormalEquations::operator-=(const NormalEquations& other) {
   information -= other.information;
   shift_of_far -= other.shift_of_far;
+  by_disparity -= other.by_disparity;
   correlation -= other.correlation;
   return *this;
 }
@@ -123,10 +125,11 @@ NormalEquations ImageInformation::withoutMostInfluentialPart() const {
 Matrix6d motionCovariance(const ResidualStatistics& statistics,
                           const Eigen::Isometry3d& T_curr_prev) {
   Matrix6d gain;
-  const Matrix6d inverse = statistics.information.withoutMostInfluentialPart().covariance(&gain);
+  const NormalEquations equations = statistics.information.withoutMostInfluentialPart();
+  const Matrix6d inverse = equations.covariance(&gain);
   const double scale =
       varianceFactor(statistics) * (1.0 + kVarianceOfFewMatches / std::max(statistics.matches, 1));
-  const Vector6d calibration_error = kCalibrationPx * gain * statistics.J_disparity;
+  const Vector6d calibration_error = kCalibrationPx * gain * equations.by_disparity;
   const Matrix6d of_perturbation =
       scale * inverse + calibration_error * calibration_error.transpose();
 

@@ -16,6 +16,8 @@ struct NormalEquations {
   /// Derivative of J^T r by the translation at which far points are seen. They do not estimate it:
   /// its error remains in the rotation.
   Matrix6d shift_of_far = Matrix6d::Zero();
+  /// Derivative of J^T r by a common error of all disparities [1 / px].
+  Vector6d by_disparity = Vector6d::Zero();
   /// Covariance of J^T r beyond J^T J, as residuals are correlated.
   Matrix6d correlation = Matrix6d::Zero();
 
@@ -74,8 +76,6 @@ struct ResidualStatistics {
   explicit ResidualStatistics(const StereoCamera& camera) : information(camera) {}
 
   ImageInformation information;
-  /// Derivative of J^T r by a common error of all disparities [1 / px].
-  Vector6d J_disparity = Vector6d::Zero();
   double sum_psi2 = 0.0;            ///< of psi(r)^2
   double sum_weights = 0.0;         ///< of the Huber weights, of all rows
   double sum_psi_derivative = 0.0;  ///< of psi'(r), of all rows

@@ -206,7 +206,8 @@ class MotionProblem {
       const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
       statistics.information.add(pixelOf(match),
                                  {huber_weight * J.transpose() * J,
-                                  huber_weight * shiftOfFar(residual, sqrt_information, match)});
+                                  huber_weight * shiftOfFar(residual, sqrt_information, match),
+                                  huber_weight * byDisparity(residual, sqrt_information, match)});
       const auto rows = static_cast<int>(residual.value.size());
       statistics.squares_px += residual.value.squaredNorm();
       statistics.rows += rows;
@@ -225,7 +226,6 @@ class MotionProblem {
         T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
           const auto J = add(residual, sqrt_information, match, &statistics.points);
           if (match.patch_px > 0.0) patches.push_back({{match.left_px, match.patch_px}, J});
-          addDisparityError(residual, sqrt_information, match, &statistics.J_disparity);
         });
     lines_.forEachActive(
         T_curr_prev, [&](const auto& residual, const auto& sqrt_information, const auto& match) {
@@ -256,16 +256,21 @@ class MotionProblem {
   /// Derivative of J^T r by an error that makes every disparity larger: points are triangulated
   /// nearer, and their right pixels in frame k lie further left.
   template <typename SqrtInformation>
-  void addDisparityError(const PointResidual<kImages>& residual,
-                         const SqrtInformation& sqrt_information, const PointCorrespondence& point,
-                         Vector6d* J_disparity) const {
+  Vector6d byDisparity(const PointResidual<kImages>& residual,
+                       const SqrtInformation& sqrt_information,
+                       const PointCorrespondence& point) const {
     const bool in_front = point.p_prev.z() > camera_.baseline_m;  // landmarks may be behind
-    if (!in_front || !parameters_.use_triangulation_covariance) return;
+    if (!in_front || !parameters_.use_triangulation_covariance) return Vector6d::Zero();
     const double disparity_px = camera_.fx * camera_.baseline_m / point.p_prev.z();
     auto derivative = (residual.jacobianByLandmark() * (-point.p_prev / disparity_px)).eval();
     if constexpr (kImages == ResidualImages::kBoth) derivative(2) -= 1.0;
     const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
-    *J_disparity += J.transpose() * (sqrt_information * derivative);
+    return J.transpose() * (sqrt_information * derivative);
+  }
+  template <typename SqrtInformation>
+  static Vector6d byDisparity(const LineResidual<kImages>&, const SqrtInformation&,
+                              const LineCorrespondence&) {
+    return Vector6d::Zero();
   }
 
   const MotionParameters& parameters_;

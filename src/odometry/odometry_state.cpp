@@ -152,10 +152,10 @@ void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters
 }
 
 bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext& context,
-                                    TrackingResult* tracked) {
+                                    ThreadPool* threads, TrackingResult* tracked) {
   if (!history.previous || !context.parameters.matching.wide_search) return false;
   const std::optional<RestingBody> body =
-      resting.findBeforeScene(*history.previous, curr, *tracked, context);
+      resting.findBeforeScene(*history.previous, curr, *tracked, context, threads);
   if (!resting.confirm(body, *history.previous, curr, context)) {
     if (body && tracked->frame_to_frame.ok() && tracked->reason == TrackingReason::kNone)
       coverMotion(body->T_curr_prev.inverse(), tracked);

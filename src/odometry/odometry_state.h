@@ -75,7 +75,7 @@ struct OdometryState {
   /// and drops the map and the velocity, which are theirs; the current frame is to be tracked
   /// again. False if there are none. If that is not certain yet, the motion becomes ambiguous.
   /// \param tracked of the current frame.
-  bool leaveOutResting(const StereoFrame& curr, const FrameContext& context,
+  bool leaveOutResting(const StereoFrame& curr, const FrameContext& context, ThreadPool* threads,
                        TrackingResult* tracked);
 
   /// Restores the lost map, in which the camera was relocalized.

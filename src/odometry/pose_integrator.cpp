@@ -105,15 +105,15 @@ void PoseIntegrator::addPredictedError(const PredictedMotion& motion) {
   const Eigen::Matrix3d& R = T_odom_camera_.linear();
   Matrix6d error = predicted_error_;
   error.topRows<3>() -= skew(R * motion.T_prev_curr.translation()) * error.bottomRows<3>();
-  Matrix6d step =
-      blockRotation(R) * Vector6d(motion.covariance.diagonal().cwiseSqrt()).asDiagonal();
-  const Eigen::Vector3d angles = (error + step).bottomRows<3>().rowwise().norm();
-  if (angles.maxCoeff() > M_PI) step.bottomRows<3>().setZero();  // it is not more uncertain
-  const Matrix6d crossed = error * step.transpose();
-  const Matrix6d grown = crossed + crossed.transpose() + step * step.transpose();
+  const Vector6d deviations = motion.covariance.diagonal().cwiseSqrt();
+  predicted_error_ = error + blockRotation(R) * deviations.asDiagonal();
+  for (int i = 3; i < 6; ++i) {  // an angle is not more uncertain than by half a turn
+    const double angle = predicted_error_.row(i).norm();
+    if (angle > M_PI) predicted_error_.row(i) *= M_PI / angle;
+  }
   covariance_ = correlated_covariance_ =
-      composeCovariance(T_odom_camera_, covariance_, motion.T_prev_curr, Matrix6d::Zero()) + grown;
-  predicted_error_ = error + step;
+      composeCovariance(T_odom_camera_, covariance_, motion.T_prev_curr, Matrix6d::Zero()) +
+      predicted_error_ * predicted_error_.transpose() - error * error.transpose();
 }
 
 Matrix6d PoseIntegrator::covariance() const {
@@ -149,6 +149,7 @@ void PoseIntegrator::correctTilt(const Eigen::Isometry3d& T_correction,
   T_odom_previous_ = T_correction * T_odom_previous_;
   for (Matrix6d* covariance : {&covariance_, &correlated_covariance_, &previous_covariance_})
     *covariance = correctedCovariance(*covariance, correction);
+  predicted_error_.setZero();  // it is less than that now
 }
 
 void PoseIntegrator::advance() {

@@ -43,7 +43,7 @@ class PriorChain {
 
  private:
   std::optional<MotionPrior> since_previous_;  // up to the last frame
-  PriorTrust trust_;
+  PriorTrust trust_{4};  // of several sources the wrong one is suspended before
 };
 
 }  // namespace point_line_odometry

@@ -102,14 +102,15 @@ std::vector<IndexPair> inliersOf(const TrackingResult& tracked, const StereoFram
 /// Matches by appearance of the points that are not among the inliers.
 std::vector<IndexPair> matchOthers(const StereoFrame& prev, const StereoFrame& curr,
                                    const std::vector<IndexPair>& inliers,
-                                   const MatchingParameters& parameters) {
+                                   const MatchingParameters& parameters, ThreadPool* threads) {
   std::vector<bool> matched_before(prev.points.size(), false);
   std::vector<bool> matched_now(curr.points.size(), false);
   for (const auto& [i, k] : inliers) matched_before[i] = matched_now[k] = true;
   const RemainingPoints before(prev, matched_before);
   const RemainingPoints now(curr, matched_now);
   std::vector<IndexPair> matches;
-  for (const auto& [i, k] : matchByAppearance(before.descriptors, now.descriptors, parameters))
+  for (const auto& [i, k] :
+       matchByAppearance(before.descriptors, now.descriptors, parameters, threads))
     matches.push_back({before.indices[i], now.indices[k]});
   return matches;
 }
@@ -214,7 +215,8 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
 std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& prev,
                                                             const StereoFrame& curr,
                                                             const TrackingResult& tracked,
-                                                            const FrameContext& context) const {
+                                                            const FrameContext& context,
+                                                            ThreadPool* threads) const {
   const bool ok = tracked.frame_to_frame.ok();
   if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return std::nullopt;
   const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
@@ -232,7 +234,7 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
   std::vector<int> resting = restingOf(inliers);
   if (ok && static_cast<double>(resting.size()) < least) return std::nullopt;
   const std::vector<IndexPair> others =
-      matchOthers(prev, curr, inliers, context.parameters.matching);
+      matchOthers(prev, curr, inliers, context.parameters.matching, threads);
   if (!ok) resting = restingOf(others);
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
   if (!scene) return std::nullopt;

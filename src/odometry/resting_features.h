@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/cell_grid.h"
+#include "common/thread_pool.h"
 #include "matching/stereo_frame.h"
 #include "motion/frame_context.h"
 #include "odometry/frame_tracker.h"
@@ -44,7 +45,8 @@ class RestingFeatures {
   /// stationary and much of the scene not; else, and if there are none, nothing.
   std::optional<RestingBody> findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
                                              const TrackingResult& tracked,
-                                             const FrameContext& context) const;
+                                             const FrameContext& context,
+                                             ThreadPool* threads = nullptr) const;
 
   /// Counts what was found in a frame, or that nothing was. Once enough points of the scene agree,
   /// in this frame and those before, features are taken to rest where the body's are, until motions

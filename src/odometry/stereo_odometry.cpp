@@ -127,7 +127,7 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
   state.resting.leaveOut(&frame);
   TrackingResult tracking =
       trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
-  if (state.leaveOutResting(frame, context, &tracking)) {
+  if (state.leaveOutResting(frame, context, threads.get(), &tracking)) {
     state.resting.leaveOut(&frame);
     tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
   }

@@ -105,6 +105,7 @@ void Gyroscope::add(const ImuSample& sample) {
     ++faults_.not_finite;
     return;
   }
+  if (!sample.acceleration.allFinite()) ++faults_.without_acceleration;
   if (isSaturated(sample)) ++faults_.saturated;
   const auto after = std::upper_bound(samples_.begin(), samples_.end(), sample, earlier);
   if (after != samples_.begin() && (after - 1)->stamp_ns == sample.stamp_ns) {

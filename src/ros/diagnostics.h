@@ -20,7 +20,7 @@
 
 namespace point_line_odometry {
 
-/// State of the node, published on /diagnostics once a second. Thread-safe: the worker thread notes
+/// State of the node, published on /diagnostics by a timer. Thread-safe: the worker thread notes
 /// frames, the doctor's thread its report, and a timer calls update().
 class Diagnostics {
  public:

@@ -82,7 +82,8 @@ std::optional<double> PairTrend::verticalDrift_px() const {
   return medianOf(window_, &PairMeasurement::row_offset_px) - *first_row_offset_px_;
 }
 
-DoctorChecks::DoctorChecks(const NodeParameters& parameters) : parameters_(parameters) {
+DoctorChecks::DoctorChecks(const NodeParameters& parameters, bool remembers)
+    : parameters_(parameters), remembers_(remembers) {
   try {
     masks_ = StaticMasks({parameters.left.mask, parameters.right.mask});
   } catch (const InputError& error) {
@@ -94,6 +95,7 @@ DoctorChecks::DoctorChecks(const NodeParameters& parameters) : parameters_(param
 bool DoctorChecks::takeCalibration(const StereoMessages& messages) {
   if (!messages.left_info || !messages.right_info) return true;
   const InfoPair infos{messages.left_info, messages.right_info};
+  if (!remembers_) calibration_change_.clear();
   if (infos_ && *infos_ == infos) {
     other_infos_.clear();
     return true;
@@ -125,6 +127,7 @@ void DoctorChecks::useImages(const StereoMessages& set, const Use& use) {
   if (!takeCalibration(set) || (parameters_.rectify && !camera_)) return;
   try {
     use(imagesOf(set));
+    if (!remembers_) damage_.clear();
   } catch (const MessageError& error) {
     damage_ = error.what();
   } catch (const std::invalid_argument& error) {

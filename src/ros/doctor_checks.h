@@ -46,7 +46,8 @@ class PairTrend {
 /// long as a frame of the odometry. Needs no node; not thread-safe.
 class DoctorChecks {
  public:
-  explicit DoctorChecks(const NodeParameters& parameters);
+  /// \param remembers faults of single sets, as of a bag; else they are those of the latest one.
+  explicit DoctorChecks(const NodeParameters& parameters, bool remembers = false);
 
   /// Measures the images of a set, rectified first if the node does so, without what is masked. A
   /// set that cannot be used is skipped: facts() has the reason. A new calibration starts a new
@@ -72,6 +73,7 @@ class DoctorChecks {
                                                 const tf2::BufferCore& tf) const;
 
   const NodeParameters parameters_;
+  const bool remembers_;
 
   std::optional<InfoPair> infos_;  // that the members below are computed from
   Confirmation<InfoPair> other_infos_;

@@ -146,6 +146,7 @@ std::optional<SourceFacts> PriorInputs::imuFacts(const PriorSources& sources) co
     facts.unused["too late"] = faults.late;
     facts.unused["not finite"] = faults.not_finite;
     facts.unused["saturated"] = faults.saturated;
+    facts.unused["without acceleration"] = faults.without_acceleration;
   }
   return facts;
 }

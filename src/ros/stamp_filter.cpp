@@ -83,6 +83,20 @@ StampFilter::Decision StampFilter::add(const ros::Time& stamp, const ros::Time& 
   return decision;
 }
 
+StampFilter::Decision StampFilter::flush() {
+  constexpr std::int64_t kLongestPause_ns = 3'600'000'000'000;
+  Decision decision;
+  if (held_.empty()) return decision;
+  const std::int64_t pause_ns =
+      held_.front().stamp_ns - newest_ns_.value_or(held_.front().stamp_ns);
+  if (pause_ns >= 0 && pause_ns <= kLongestPause_ns) {
+    confirm(&decision);
+  } else {
+    rejectHeld(&decision);
+  }
+  return decision;
+}
+
 bool StampFilter::continues(std::int64_t stamp_ns, const ros::Time& now) const {
   if (newest_ns_) {
     const std::int64_t step_ns = stamp_ns - *newest_ns_;

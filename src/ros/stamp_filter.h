@@ -48,6 +48,10 @@ class StampFilter {
   /// \param deliver called by the caller if the message passes.
   Decision add(const ros::Time& stamp, const ros::Time& now, Deliver deliver);
 
+  /// At the end of all messages: those that are queued pass if they come within an hour after the
+  /// others, as after a pause.
+  Decision flush();
+
  private:
   struct Held {
     ros::Time stamp;

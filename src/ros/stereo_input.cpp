@@ -121,11 +121,31 @@ void StereoInput::add(const boost::shared_ptr<const Message>& message, double ar
 
 template <int topic, typename Message>
 void StereoInput::synchronise(const boost::shared_ptr<const Message>& message) {
+  newest_ = std::max(newest_, message->header.stamp);
   if (exact_) {
     exact_->template add<topic>(message);
   } else {
     near_->template add<topic>(message);
   }
+}
+
+/// With approximate_sync messages wait for later ones, which might be nearer partners: those of a
+/// set that is not delivered show that there are none.
+void StereoInput::flush() {
+  for (const StereoTopic topic : {kLeftImage, kRightImage, kLeftInfo, kRightInfo})
+    follow(topic, filters_[topic].flush());
+  if (!near_ || newest_.isZero()) return;
+  flushing_ = true;
+  const ros::Duration later(1.0 + 3.0 * parameters_.approximate_sync_max_interval_s);
+  const auto image = boost::make_shared<Image>();
+  const auto info = boost::make_shared<Info>();
+  image->header.stamp = info->header.stamp = newest_ + later;
+  near_->add<kLeftImage>(image);
+  near_->add<kRightImage>(image);
+  near_->add<kLeftInfo>(info);
+  near_->add<kRightInfo>(info);
+  makeSynchronizer();
+  flushing_ = false;
 }
 
 /// Drops queued messages of this topic when its clock jumps, so that no set mixes messages from
@@ -171,6 +191,7 @@ void StereoInput::completed(const sensor_msgs::ImageConstPtr& left,
                             const sensor_msgs::ImageConstPtr& right,
                             const sensor_msgs::CameraInfoConstPtr& left_info,
                             const sensor_msgs::CameraInfoConstPtr& right_info) {
+  if (flushing_ && left->header.stamp > newest_) return;
   const StereoMessages set{left, right, left_info, right_info};
   {
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -58,7 +58,8 @@ struct InputFacts {
 /// Synchronises the four topics by equal stamps, or near ones with `approximate_sync`. Messages
 /// that StampFilter rejects are not used. Keeps statistics of what was received to explain why
 /// there are no complete sets. Messages are added by one thread at a time; all other methods are
-/// thread-safe. ROS' time must be initialised (ros::Time::init() where there is no node).
+/// thread-safe. ROS' time must be initialised (where there is no node by ros::Time::setNow() or
+/// init()).
 class StereoInput {
  public:
   using Callback = std::function<void(const StereoMessages&)>;
@@ -78,6 +79,9 @@ class StereoInput {
   /// \param arrival_s time of arrival, of any clock.
   void addImage(StereoTopic topic, const sensor_msgs::ImageConstPtr& message, double arrival_s);
   void addInfo(StereoTopic topic, const sensor_msgs::CameraInfoConstPtr& message, double arrival_s);
+
+  /// At the end of all messages: completes the sets whose messages wait for later ones.
+  void flush();
 
   /// Without `publishers`, which are not known here. \param now_s of the clock of the arrivals.
   InputFacts facts(double now_s) const;
@@ -132,7 +136,9 @@ class StereoInput {
 
   std::array<StampFilter, kNumStereoTopics> filters_;
   std::array<bool, kNumStereoTopics>
-      waiting_{};  // topics with messages in the synchroniser's queue
+      waiting_{};     // topics with messages in the synchroniser's queue
+  ros::Time newest_;  // of those that passed
+  bool flushing_ = false;
   std::unique_ptr<message_filters::Synchronizer<ExactPolicy>> exact_;
   std::unique_ptr<message_filters::Synchronizer<NearPolicy>> near_;
 };

@@ -22,6 +22,7 @@ ros::WallDuration diagnosticsPeriod(const ros::NodeHandle& private_nh) {
   constexpr double kShortest_s = 0.05;
   constexpr double kLongest_s = 60.0;
   const double period_s = private_nh.param("diagnostic_period", 1.0);
+  if (!std::isfinite(period_s)) return ros::WallDuration(1.0);
   return ros::WallDuration(std::clamp(period_s, kShortest_s, kLongest_s));
 }
 

@@ -15,6 +15,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -54,7 +55,6 @@ class BagSource : public StereoSource {
  public:
   explicit BagSource(const BagOptions& options)
       : options_(options), bag_(options.file), topics_(bag_.chooseTopics(options.topics)) {
-    ros::Time::init();
     bag_.guarded([this] {
       readCalibration();
       if (options_.masks) findMasks();
@@ -64,7 +64,7 @@ class BagSource : public StereoSource {
   std::size_t size() const override { return size_; }
   const StereoCalibration& calibration() const override { return calibration_; }
   bool needsRectification() const override { return topics_.raw(); }
-  std::size_t unsynchronized() const override { return num_images_ - 2 * num_pairs_; }
+  std::size_t unsynchronized() const override { return lonely_; }
 
   std::vector<std::string> warnings() const override {
     std::vector<std::string> warnings;
@@ -76,10 +76,11 @@ class BagSource : public StereoSource {
     warn(wrong_stamps_, "images are not used for their stamps");
     warn(damaged_, "pairs are not used");
     warn(other_infos_, "camera_infos are not used");
+    warn(masks_left_out_, "masks are not used");
     constexpr std::size_t kAtEnds = 2;
-    if (unsynchronized() > kAtEnds) {
-      warnings.push_back("bag '" + options_.file + "': " + std::to_string(unsynchronized()) +
-                         " of " + std::to_string(num_images_) +
+    const std::size_t lonely = lonely_ - std::min(lonely_, wrong_stamps_.count);
+    if (lonely > kAtEnds) {
+      warnings.push_back("bag '" + options_.file + "': " + std::to_string(lonely) +
                          " images have no partner of the other camera");
     }
     return warnings;
@@ -121,6 +122,8 @@ class BagSource : public StereoSource {
   }
 
  private:
+  using ImageQueue = std::deque<sensor_msgs::Image::ConstPtr>;
+
   void readCalibration() {
     for (const std::string& topic : {topics_.left, topics_.right}) {
       if (bag_.topics().images.count(topic) > 0) continue;
@@ -228,11 +231,13 @@ class BagSource : public StereoSource {
       take(*message_);
       ++message_;
     }
-    if (pairs_.empty() && !ended_) flush();
+    if (pairs_.empty() && !ended_) end();
     return !pairs_.empty();
   }
 
+  /// By the clock of the bag: what is a wild stamp does not depend on today.
   void take(const rosbag::MessageInstance& message) {
+    ros::Time::setNow(message.getTime());
     const std::string& topic = message.getTopic();
     const double time_s = message.getTime().toSec();
     if (topic == topics_.left) {
@@ -244,34 +249,44 @@ class BagSource : public StereoSource {
     }
   }
 
-  void addImage(StereoTopic topic, const sensor_msgs::Image::ConstPtr& image, double time_s) {
-    ++num_images_;
-    latest_ = std::max(latest_, image->header.stamp);
-    synchronise(topic, image, time_s);
-  }
-
   /// With a camera_info, which the node expects with each image and a bag may have but once.
-  void synchronise(StereoTopic topic, const sensor_msgs::Image::ConstPtr& image, double time_s) {
+  void addImage(StereoTopic topic, const sensor_msgs::Image::ConstPtr& image, double time_s) {
+    constexpr std::size_t kMaxWaiting = 200;  // more than what StereoInput keeps
+    ImageQueue& waiting = waiting_[topic];
+    waiting.push_back(image);
+    if (waiting.size() > kMaxWaiting) dropFirst(&waiting);
     const auto info = boost::make_shared<sensor_msgs::CameraInfo>();
     info->header = image->header;
     input_->addImage(topic, image, time_s);
     input_->addInfo(topic == kLeftImage ? kLeftInfo : kRightInfo, info, time_s);
   }
 
-  /// With approximate_sync the last images wait for later ones, which might be nearer partners.
-  void flush() {
+  void end() {
     ended_ = true;
-    if (options_.max_interval_ns == 0 || num_images_ == 0) return;
-    const auto later = boost::make_shared<sensor_msgs::Image>();
-    later->header.stamp = latest_ + ros::Duration(1.0 + 3e-9 * double(options_.max_interval_ns));
-    synchronise(kLeftImage, later, 0.0);
-    synchronise(kRightImage, later, 0.0);
+    input_->flush();
+    for (ImageQueue& waiting : waiting_) {
+      while (!waiting.empty()) dropFirst(&waiting);
+    }
   }
 
   void addPair(const StereoMessages& pair) {
-    if (pair.left->header.stamp > latest_) return;  // of flush()
     pairs_.push_back({pair.left, pair.right});
     ++num_pairs_;
+    dropUntil(pair.left, &waiting_[kLeftImage]);
+    dropUntil(pair.right, &waiting_[kRightImage]);
+  }
+
+  void dropFirst(ImageQueue* waiting) {
+    waiting->pop_front();
+    ++lonely_;
+  }
+
+  /// Those before an image have no partner.
+  void dropUntil(const sensor_msgs::Image::ConstPtr& image, ImageQueue* waiting) {
+    const auto found = std::find(waiting->begin(), waiting->end(), image);
+    if (found == waiting->end()) return;
+    while (waiting->front() != image) dropFirst(waiting);
+    waiting->pop_front();
   }
 
   void noteWrongStamp(const std::string& fault) {
@@ -343,7 +358,12 @@ class BagSource : public StereoSource {
                  const CameraCalibration& camera) {
     const auto found = masks.find(toNanoseconds(image.header.stamp));
     if (found == masks.end()) return {};
-    return toMask(*instantiate<sensor_msgs::Image>(found->second), camera);
+    try {
+      return toMask(*instantiate<sensor_msgs::Image>(found->second), camera);
+    } catch (const MessageError& error) {  // as good as none, as for the node
+      masks_left_out_.add(error.what());
+      return {};
+    }
   }
 
   const BagOptions options_;
@@ -362,15 +382,16 @@ class BagSource : public StereoSource {
   sensor_msgs::Image::ConstPtr right_;
   std::array<std::unique_ptr<rosbag::View>, 2> mask_views_;
   std::array<std::map<std::int64_t, rosbag::MessageInstance>, 2> masks_;  // by stamp
-  ros::Time latest_;                                                      // of the images
   bool ended_ = false;
-  std::size_t num_images_ = 0;
+  std::array<ImageQueue, 2> waiting_;  // for their partners
+  std::size_t lonely_ = 0;             // images without
   std::size_t num_pairs_ = 0;
   std::size_t num_used_ = 0;
   std::array<int, 2> differing_in_a_row_{};  // camera_infos
   LeftOut wrong_stamps_;
   LeftOut damaged_;
   LeftOut other_infos_;
+  LeftOut masks_left_out_;
 };
 
 }  // namespace

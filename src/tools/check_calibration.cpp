@@ -57,6 +57,7 @@ CalibrationReport measure(const Options& options) {
     CalibrationCheck check(source->calibration(), source->needsRectification(), parameters);
     forEachPair(*source, static_cast<std::size_t>(options.input.max_frames), options.quiet,
                 [&](const StereoImages& images) { check.add(images); });
+    printWarnings("check_calibration", source->warnings());
     if (check.frames() < kFewestFrames) {
       throw InputError("only " + std::to_string(check.frames()) + " pairs could be used of '" +
                        options.input.input + "': " + std::to_string(kFewestFrames) + " are needed");
@@ -78,13 +79,16 @@ int checkCalibration(const Options& options) {
   if (!options.output.empty()) {
     output = std::make_unique<OutputFolder>(options.output);
     output->reserve(kImageName);
+    for (const char* name : {kLeftName, kRightName}) {
+      if (options.write) output->reserve(name);
+    }
   }
   const CalibrationReport report = measure(options);
   const bool write = options.write && report.agrees;
   if (output) {
     output->write(kImageName, toPng(drawCalibration(report)));
     for (const char* name : {kLeftName, kRightName}) {
-      if (write) output->reserve(name);
+      if (options.write && !write) output->release(name);
     }
     if (write) {
       const StereoCalibration& corrected = report.corrected.calibration;

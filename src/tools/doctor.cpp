@@ -142,7 +142,6 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
 }
 
 std::vector<DoctorLine> checkBag(const Options& options, const po::variables_map& values) {
-  ros::Time::init();
   DoctorBag bag(options.bag);
   AllParameters parameters;
   const StereoTopics topics = bag.findTopics(options.topics, options.name_space, options.rectify);
@@ -153,9 +152,10 @@ std::vector<DoctorLine> checkBag(const Options& options, const po::variables_map
   const auto take = [&](const StereoMessages& set, double time_s) { pairs.take(set, time_s); };
   parameters.node.mask_images = bag.maskImages(topics);
   MaskBuffer masks(parameters.node);
-  const InputFacts input = bag.read(topics, parameters.node, options.seconds, take, &masks);
+  const InputFacts input = bag.read(topics, parameters.node, options.seconds, take);
+  bag.readMasks(topics, pairs.stamps(), &masks);
   pairs.addMasks(&masks);
-  DoctorChecks checks(parameters.node);
+  DoctorChecks checks(parameters.node, true);
   pairs.measure(&checks);
   DoctorFacts facts = checks.facts(input, bag.transforms());
   if (!imu_topic.empty()) addImu(bag.readImu(imu_topic), parameters, bag.transforms(), &facts);

@@ -59,7 +59,7 @@ std::vector<std::string> DoctorBag::imageTopics() const {
 }
 
 InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& parameters,
-                           double seconds, const TakeSet& take, MaskBuffer* masks) {
+                           double seconds, const TakeSet& take) {
   const StereoInput::TopicNames names{topics.left, topics.right, cameraInfoTopic(topics.left),
                                       cameraInfoTopic(topics.right)};
   double now_s = 0.0;
@@ -76,9 +76,9 @@ InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& par
       throwIfInterrupted();
       if (message.getTime() > end_) break;
       now_s = message.getTime().toSec();
+      ros::Time::setNow(message.getTime());
       add(message, names, now_s, &input);
     }
-    readMasks(topics, masks);
   });
   return input.facts(now_s);
 }
@@ -92,15 +92,18 @@ std::string DoctorBag::maskImages(const StereoTopics& topics) const {
   return "none";
 }
 
-/// Those of the images that were read; a network needs time.
-void DoctorBag::readMasks(const StereoTopics& topics, MaskBuffer* masks) const {
+void DoctorBag::readMasks(const StereoTopics& topics, const std::set<ros::Time>& stamps,
+                          MaskBuffer* masks) const {
   const std::vector<std::string> names{maskTopic(topics.left), maskTopic(topics.right)};
-  const auto view = bag_.view(names);
-  for (const rosbag::MessageInstance& message : *view) {
-    const auto mask = message.instantiate<sensor_msgs::Image>();
-    if (!mask || mask->header.stamp > end_) continue;
-    masks->add(message.getTopic() == names[0] ? 0 : 1, mask);
-  }
+  bag_.guarded([&] {
+    const auto view = bag_.view(names);
+    for (const rosbag::MessageInstance& message : *view) {
+      throwIfInterrupted();
+      const auto mask = message.instantiate<sensor_msgs::Image>();
+      if (!mask || stamps.count(mask->header.stamp) == 0) continue;
+      masks->add(message.getTopic() == names[0] ? 0 : 1, mask);
+    }
+  });
 }
 
 ImuCheckFacts DoctorBag::readImu(const std::string& topic) const {

@@ -4,6 +4,7 @@
 #include <tf2/buffer_core.h>
 
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -39,10 +40,14 @@ class DoctorBag {
   ImuCheckFacts readImu(const std::string& topic) const;
 
   /// Reads `seconds` of the bag from the first image of these topics on, and all static
-  /// transforms. \param take called with each complete set. \param masks takes those of the
-  /// cameras that have some. Throws InputError if the bag is damaged.
+  /// transforms. \param take called with each complete set. Throws InputError if the bag is
+  /// damaged.
   InputFacts read(const StereoTopics& topics, const NodeParameters& parameters, double seconds,
-                  const TakeSet& take, MaskBuffer* masks);
+                  const TakeSet& take);
+
+  /// Reads the masks of the images with these stamps. Throws InputError likewise.
+  void readMasks(const StereoTopics& topics, const std::set<ros::Time>& stamps,
+                 MaskBuffer* masks) const;
 
   /// The choice of `mask_images` that uses all masks of these topics.
   std::string maskImages(const StereoTopics& topics) const;
@@ -52,7 +57,6 @@ class DoctorBag {
 
  private:
   void readTransforms(const ros::Time& end);
-  void readMasks(const StereoTopics& topics, MaskBuffer* masks) const;
 
   const InputBag bag_;
   ros::Time begin_ = ros::TIME_MIN;  // of what was read

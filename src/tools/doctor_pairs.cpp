@@ -27,6 +27,16 @@ void DoctorPairs::measure(DoctorChecks* checks) const {
   for (const StereoMessages& set : sets_) checks->follow(set);
 }
 
+std::set<ros::Time> DoctorPairs::stamps() const {
+  std::set<ros::Time> stamps;
+  const auto add = [&](const StereoMessages& set) {
+    stamps.insert({set.left->header.stamp, set.right->header.stamp});
+  };
+  for (const StereoMessages& set : to_measure_) add(set);
+  for (const StereoMessages& set : sets_) add(set);
+  return stamps;
+}
+
 void DoctorPairs::addMasks(MaskBuffer* masks) {
   std::vector<StereoMessages*> sets;
   for (StereoMessages& set : to_measure_) sets.push_back(&set);
@@ -64,7 +74,7 @@ void DoctorPairs::process(const AllParameters& parameters, DoctorFacts* facts) c
       motions.push_back(*frame.result.image_motion);
       motion_ends_ns.push_back(frame.result.stamp_ns);
     } catch (const std::exception&) {
-      continue;  // the lines on images and calibration have the reason
+      continue;  // where it is the messages', the lines on images and calibration have the reason
     }
   }
   if (masks.frames > 0) facts->masks = masks;

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <deque>
+#include <set>
 #include <vector>
 
 #include "ros/doctor_checks.h"
@@ -19,6 +20,9 @@ class DoctorPairs {
 
   /// Keeps the latest sets, and some of the first ones to be measured.
   void take(const StereoMessages& set, double time_s);
+
+  /// Of the images of the sets kept.
+  std::set<ros::Time> stamps() const;
 
   /// Adds the masks of the sets kept.
   void addMasks(MaskBuffer* masks);

@@ -1,10 +1,12 @@
 #include "tools/input_bag.h"
 
 #include <console_bridge/console.h>
+#include <ros/console.h>
 #include <ros/names.h>
 
 #include <filesystem>
 #include <memory>
+#include <system_error>
 #include <utility>
 
 #include "ros/conversions.h"
@@ -12,11 +14,13 @@
 namespace point_line_odometry {
 
 InputBag::InputBag(std::string file) : file_(std::move(file)) {
-  if (!std::filesystem::is_regular_file(file_))
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file_, ignored))
     throw InputError("bag '" + file_ + "' does not exist, or is no file: check the path");
   guarded([this] {
-    // The bag library logs faults before it throws them; the exception reports them once.
+    // What is wrong with a bag and its messages is said once: by exceptions, warnings and reports.
     console_bridge::noOutputHandler();
+    ros::console::set_logger_level(ROSCONSOLE_DEFAULT_NAME, ros::console::levels::Error);
     bag_.open(file_, rosbag::bagmode::Read);
     rosbag::View all(bag_);
     for (const rosbag::ConnectionInfo* connection : all.getConnections()) {

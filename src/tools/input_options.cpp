@@ -3,12 +3,14 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "common/input_error.h"
 #include "ros/node_parameters.h"
 #include "tools/command_line.h"
 #include "tools/parameter_text.h"
+#include "tools/recorded_run.h"
 #include "tools/synthetic_source.h"
 
 namespace point_line_odometry {
@@ -56,7 +58,14 @@ void checkInput(const InputOptions& input, const po::variables_map& values) {
   if (!(input.max_interval_s >= 0.0) || input.max_interval_s > kMostInterval_s) {
     throw InputError("option --approximate-sync must be a number of seconds from 0 to 10");
   }
-  const bool is_folder = std::filesystem::is_directory(input.input);
+  std::error_code ignored;
+  const bool is_folder = std::filesystem::is_directory(input.input, ignored);
+  if (isRecordingName(input.input)) {
+    refuseOptions(values,
+                  {"left-topic", "right-topic", "approximate-sync", "imu-topic", "wheel-topic",
+                   "mask-images"},
+                  "bags: a recording has its own");
+  }
   if (isSyntheticName(input.input) || is_folder) {
     refuseOptions(values,
                   {"left-topic", "right-topic", "approximate-sync", "imu-topic", "wheel-topic"},

@@ -165,6 +165,8 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
   const auto every = static_cast<std::size_t>(options.features_every);
   std::filesystem::path images_folder;
   if (every > 0) images_folder = output->makeFolder("features");
+  std::filesystem::path thumbnails_folder;
+  if (options.report) thumbnails_folder = output->makeFolder("thumbnails");
   Thumbnails thumbnails;
   ProgressBar progress("odometry", expectedSize(source, limit), options.quiet);
   while ((limit == 0 || run->rows().size() < limit)) {
@@ -177,7 +179,7 @@ void process(const Options& options, const StereoSource& source, OutputFolder* o
       thumbnails.offer(index, run->rows().back().state, [run] { return run->draw(); });
     progress.step();
   }
-  if (options.report) thumbnails.write(output->makeFolder("thumbnails").string());
+  if (options.report) thumbnails.write(thumbnails_folder.string());
 }
 
 /// What the user should know before the results are used.
@@ -207,6 +209,7 @@ int runOdometry(const Options& options) {
     output.reserve(name);
   }
   if (!ground_truth.empty()) output.reserve("groundtruth.tum");
+  if (options.report) output.requireOwn("report.html");
   const Clock::time_point begin = Clock::now();
   process(options, *source, &output, &run);
   RunInfo info;

@@ -1,11 +1,26 @@
 #include "tools/output_folder.h"
 
+#include <algorithm>
 #include <fstream>
 #include <utility>
 
 #include "common/input_error.h"
 
 namespace point_line_odometry {
+namespace {
+
+/// Removes the files of a folder whose names are numbers, as 000012.png.
+void removeNumbered(const std::filesystem::path& folder) {
+  std::error_code ignored;
+  std::vector<std::filesystem::path> numbered;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    const std::string stem = entry.path().stem().string();
+    if (stem.find_first_not_of("0123456789") == std::string::npos) numbered.push_back(entry.path());
+  }
+  for (const std::filesystem::path& file : numbered) std::filesystem::remove(file, ignored);
+}
+
+}  // namespace
 
 OutputFolder::OutputFolder(const std::string& folder, std::optional<Names> own)
     : folder_(folder), own_(std::move(own)) {
@@ -55,19 +70,38 @@ std::filesystem::path OutputFolder::makeFolder(const std::string& name) {
 }
 
 void OutputFolder::commit() {
-  for (const std::string& name : own_.value_or(Names())) {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_ / name, ignored);
-  }
   for (const std::string& name : names_) {
     std::error_code error;
     if (std::filesystem::is_directory(temporary(name))) {
-      std::filesystem::remove_all(folder_ / name, error);
+      replaceFolder(temporary(name), folder_ / name);
+    } else {
+      std::filesystem::rename(temporary(name), folder_ / name, error);
     }
-    std::filesystem::rename(temporary(name), folder_ / name, error);
-    if (error) refuse(name);
+    if (error || std::filesystem::exists(temporary(name))) refuse(name);
   }
   committed_ = true;
+  for (const std::string& name : own_.value_or(Names())) {
+    std::error_code ignored;
+    if (std::find(names_.begin(), names_.end(), name) != names_.end()) continue;
+    if (std::filesystem::is_directory(folder_ / name)) removeNumbered(folder_ / name);
+    std::filesystem::remove(folder_ / name, ignored);  // not a folder with other files
+  }
+}
+
+void OutputFolder::replaceFolder(const std::filesystem::path& from,
+                                 const std::filesystem::path& to) {
+  std::error_code ignored;
+  removeNumbered(to);
+  std::filesystem::create_directory(to, ignored);
+  for (const auto& entry : std::filesystem::directory_iterator(from, ignored))
+    std::filesystem::rename(entry.path(), to / entry.path().filename(), ignored);
+  std::filesystem::remove(from, ignored);
+}
+
+void OutputFolder::release(const std::string& name) {
+  std::error_code ignored;
+  std::filesystem::remove(temporary(name), ignored);
+  names_.erase(std::remove(names_.begin(), names_.end(), name), names_.end());
 }
 
 std::filesystem::path OutputFolder::temporary(const std::string& name) const {

@@ -28,6 +28,12 @@ class OutputFolder {
   /// InputError if not, or if there is one that must not be replaced.
   void reserve(const std::string& name);
 
+  /// Throws InputError if there is something of that name that must not be replaced.
+  void requireOwn(const std::string& name) const;
+
+  /// A reserved file will not be written.
+  void release(const std::string& name);
+
   /// Writes the whole file under its temporary name.
   void write(const std::string& name, const std::string& content) const;
 
@@ -37,13 +43,14 @@ class OutputFolder {
   /// What will be there.
   const std::vector<std::string>& names() const { return names_; }
 
-  /// Gives every file its name; older files of that name are replaced.
+  /// Gives every file its name; older files of that name are replaced, and those of a folder whose
+  /// names are numbers.
   void commit();
 
  private:
   std::filesystem::path temporary(const std::string& name) const;
 
-  void requireOwn(const std::string& name) const;
+  static void replaceFolder(const std::filesystem::path& from, const std::filesystem::path& to);
 
   [[noreturn]] void refuse(const std::string& name) const;
 

@@ -308,7 +308,7 @@ std::set<std::string> filesOfEarlierRun(const std::string& folder) {
   if (!summary.is_object() || !summary.contains("version") || !summary.contains("line_detector"))
     return {};
   std::set<std::string> files{"report.html"};
-  if (!summary.contains("files")) {  // of versions up to 1.0.0
+  if (!summary.contains("files")) {  // of a version that did not list them
     files.insert({"trajectory.tum", "trajectory.kitti", "frames.csv", "uncertainty.csv",
                   "summary.json", "groundtruth.tum", "features", "thumbnails"});
   } else if (summary["files"].is_array()) {

@@ -216,12 +216,12 @@ struct SyntheticWorld::Impl {
     return light;
   }
 
-  /// Light that reaches both cameras at an instant, or with a rolling shutter around it.
   std::vector<cv::Mat> noLight() const {
     const cv::Size size(calibration.left.width, calibration.left.height);
     return {cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1)};
   }
 
+  /// Light that reaches both cameras at an instant, or with a rolling shutter around it.
   std::vector<cv::Mat> lightAt(double time_s) const {
     std::vector<cv::Mat> light = options.rolling_shutter_ms == 0.0
                                      ? sceneLight(time_s, cv::Range::all())
