@@ -50,8 +50,11 @@ std::uint32_t stereoQueueSize(const NodeParameters& parameters) {
 }
 
 StereoInput::StereoInput(const NodeParameters& parameters, const TopicNames& names,
-                         Callback callback, RejectionCallback rejected)
-    : parameters_(parameters), callback_(std::move(callback)), rejected_(std::move(rejected)) {
+                         Callback callback, RejectionCallback rejected, Clock clock)
+    : parameters_(parameters),
+      callback_(std::move(callback)),
+      rejected_(std::move(rejected)),
+      clock_(std::move(clock)) {
   for (std::size_t i = 0; i < kNumStereoTopics; ++i) arrivals_[i].name = names[i];
   makeSynchronizer();
 }
@@ -108,8 +111,8 @@ void StereoInput::add(const boost::shared_ptr<const Message>& message, double ar
     if constexpr (topic == kRightInfo) latest_.right_info = message;
   }
   try {
-    follow(kTopic, filters_[topic].add(stamp, ros::Time::now(),
-                                       [this, message] { synchronise<topic>(message); }));
+    follow(kTopic,
+           filters_[topic].add(stamp, clock_(), [this, message] { synchronise<topic>(message); }));
   } catch (const std::exception& error) {
     if (log_throttle_.passes("dropped")) {
       ROS_ERROR("images and camera_infos that waited for their partners are dropped: %s",

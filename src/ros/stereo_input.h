@@ -58,8 +58,7 @@ struct InputFacts {
 /// Synchronises the four topics by equal stamps, or near ones with `approximate_sync`. Messages
 /// that StampFilter rejects are not used. Keeps statistics of what was received to explain why
 /// there are no complete sets. Messages are added by one thread at a time; all other methods are
-/// thread-safe. ROS' time must be initialised (where there is no node by ros::Time::setNow() or
-/// init()).
+/// thread-safe.
 class StereoInput {
  public:
   using Callback = std::function<void(const StereoMessages&)>;
@@ -68,10 +67,14 @@ class StereoInput {
   /// Called with the name of the topic and what is wrong with the stamp.
   using RejectionCallback = std::function<void(const std::string&)>;
 
+  /// The time that stamps are compared with.
+  using Clock = std::function<ros::Time()>;
+
   /// \param callback called with each complete set by the methods that add messages.
   /// \param rejected called by them for each message that is rejected for its stamp.
+  /// \param clock of a bag; else ROS' time, which must be initialised.
   StereoInput(const NodeParameters& parameters, const TopicNames& names, Callback callback,
-              RejectionCallback rejected = nullptr);
+              RejectionCallback rejected = nullptr, Clock clock = ros::Time::now);
 
   StereoInput(const StereoInput&) = delete;
   StereoInput& operator=(const StereoInput&) = delete;
@@ -123,6 +126,7 @@ class StereoInput {
   const NodeParameters parameters_;
   const Callback callback_;
   const RejectionCallback rejected_;
+  const Clock clock_;
   LogThrottle log_throttle_;
 
   mutable std::mutex mutex_;  // guards the members that facts() reads

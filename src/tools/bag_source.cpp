@@ -141,7 +141,7 @@ class BagSource : public StereoSource {
     input_ = std::make_unique<StereoInput>(
         synchronisation(options_.max_interval_ns), names_,
         [this](const StereoMessages& pair) { addPair(pair); },
-        [this](const std::string& fault) { noteWrongStamp(fault); });
+        [this](const std::string& fault) { noteWrongStamp(fault); }, [this] { return now_; });
   }
 
   std::optional<ImuData> readImu() {
@@ -237,7 +237,7 @@ class BagSource : public StereoSource {
 
   /// By the clock of the bag: what is a wild stamp does not depend on today.
   void take(const rosbag::MessageInstance& message) {
-    ros::Time::setNow(message.getTime());
+    now_ = message.getTime();
     const std::string& topic = message.getTopic();
     const double time_s = message.getTime().toSec();
     if (topic == topics_.left) {
@@ -376,6 +376,7 @@ class BagSource : public StereoSource {
   std::unique_ptr<tf2::BufferCore> static_transforms_;
   std::unique_ptr<rosbag::View> view_;
   rosbag::View::iterator message_;
+  ros::Time now_;
   std::unique_ptr<StereoInput> input_;
   std::deque<std::pair<sensor_msgs::Image::ConstPtr, sensor_msgs::Image::ConstPtr>> pairs_;
   sensor_msgs::Image::ConstPtr left_;  // the last pair

@@ -62,8 +62,10 @@ InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& par
                            double seconds, const TakeSet& take) {
   const StereoInput::TopicNames names{topics.left, topics.right, cameraInfoTopic(topics.left),
                                       cameraInfoTopic(topics.right)};
-  double now_s = 0.0;
-  StereoInput input(parameters, names, [&](const StereoMessages& set) { take(set, now_s); });
+  ros::Time now;
+  StereoInput input(
+      parameters, names, [&](const StereoMessages& set) { take(set, now.toSec()); }, nullptr,
+      [&] { return now; });
   bag_.guarded([&] {
     const auto images = bag_.view({topics.left, topics.right});
     if (images->size() > 0) {
@@ -75,12 +77,11 @@ InputFacts DoctorBag::read(const StereoTopics& topics, const NodeParameters& par
     for (const rosbag::MessageInstance& message : *camera) {
       throwIfInterrupted();
       if (message.getTime() > end_) break;
-      now_s = message.getTime().toSec();
-      ros::Time::setNow(message.getTime());
-      add(message, names, now_s, &input);
+      now = message.getTime();
+      add(message, names, now.toSec(), &input);
     }
   });
-  return input.facts(now_s);
+  return input.facts(now.toSec());
 }
 
 std::string DoctorBag::maskImages(const StereoTopics& topics) const {

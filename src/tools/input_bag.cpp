@@ -20,6 +20,7 @@ InputBag::InputBag(std::string file) : file_(std::move(file)) {
   guarded([this] {
     // What is wrong with a bag and its messages is said once: by exceptions, warnings and reports.
     console_bridge::noOutputHandler();
+    ros::Time::init();  // for the log
     ros::console::set_logger_level(ROSCONSOLE_DEFAULT_NAME, ros::console::levels::Error);
     bag_.open(file_, rosbag::bagmode::Read);
     rosbag::View all(bag_);
