@@ -103,6 +103,7 @@ class Gyroscope {
     SpecificForce force;                  ///< R from the IMU at an instant to that at `from`
   };
 
+  void startFilter();
   void startTimeOffset();
   bool isSaturated(const ImuSample& sample) const;
   std::optional<MotionPrior> measure(std::int64_t from_ns, std::int64_t to_ns) const;

@@ -80,9 +80,13 @@ Matrix4d firstCovariance(const ImuParameters& parameters) {
 }  // namespace
 
 Gyroscope::Gyroscope(const ImuParameters& parameters, const Matrix3d& R_camera_imu)
-    : parameters_(parameters),
-      R_camera_imu_(R_camera_imu),
-      covariance_(firstCovariance(parameters)) {
+    : parameters_(parameters), R_camera_imu_(R_camera_imu) {
+  startFilter();
+}
+
+void Gyroscope::startFilter() {
+  state_.setZero();
+  covariance_ = firstCovariance(parameters_);
   startTimeOffset();
 }
 
@@ -221,8 +225,11 @@ void Gyroscope::update(const FrameResult& result) {
   updated_ns_ = result.stamp_ns;
   if (result.state == TrackingState::kOk && result.image_motion) {
     const ImageMotion& images = *result.image_motion;
-    if (const auto prior = measure(images.from_ns, result.stamp_ns))
-      trust_.update(agrees(*prior, images));
+    if (const auto prior = measure(images.from_ns, result.stamp_ns)) {
+      const bool agreed = agrees(*prior, images);
+      trust_.update(agreed);
+      if (!agreed && !isTrusted()) startFilter();  // it may have learnt something wrong
+    }
     const std::optional<Rotation> rotation = integrate(images.from_ns, result.stamp_ns);
     const bool stationary = result.twist.isZero(0.0);
     if (rotation && stationary) {
