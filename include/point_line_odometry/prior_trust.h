@@ -13,6 +13,7 @@ class PriorTrust {
   explicit PriorTrust(int rejections = 3)
       : max_rejected_share_(1.0 - std::pow(1.0 - kUpdate, rejections - 0.5)) {}
 
+  /// False while it is suspended.
   bool isTrusted() const { return trusted_; }
 
   /// \param agreed whether a prior agreed with the motion by the images.
