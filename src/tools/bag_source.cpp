@@ -270,7 +270,7 @@ class BagSource : public StereoSource {
   }
 
   void addPair(const StereoMessages& pair) {
-    pairs_.push_back({pair.left, pair.right});
+    pairs_.emplace_back(pair.left, pair.right);
     ++num_pairs_;
     dropUntil(pair.left, &waiting_[kLeftImage]);
     dropUntil(pair.right, &waiting_[kRightImage]);

@@ -63,7 +63,7 @@ StereoTopics InputBag::chooseTopics(const StereoTopics& named) const {
 
 std::string InputBag::findImu(const StereoTopics& topics) const {
   const std::string camera = ros::names::parentNamespace(ros::names::parentNamespace(topics.left));
-  const std::string beside = ros::names::clean(camera + "/imu");
+  std::string beside = ros::names::clean(camera + "/imu");
   if (topics_.imus.count(beside) > 0) return beside;
   return topics_.imus.size() == 1 ? *topics_.imus.begin() : "";
 }
