@@ -204,7 +204,9 @@ class LaunchFileTest(unittest.TestCase):
             self.assertEqual("/ekf/odom1" in given, not of_prior)
             self.assertEqual(given.get("/front/stereo_odometry/wheels/enabled", False), of_prior)
             self.assertFalse(given["/front/stereo_odometry/publish_tf"])
-        self.assertNotEqual(dump("wheels:=both").returncode, 0)
+        refused = dump("wheels:=both")  # roslaunch 1.15 ends with 0 nevertheless
+        self.assertEqual(refused.stdout, "")
+        self.assertIn("'both'", refused.stderr)
 
 
 class RunningNodeTest(RosTest):
