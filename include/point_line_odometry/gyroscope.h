@@ -106,7 +106,8 @@ class Gyroscope {
   void startFilter();
   void startTimeOffset();
   bool isSaturated(const ImuSample& sample) const;
-  std::optional<MotionPrior> measure(std::int64_t from_ns, std::int64_t to_ns) const;
+  std::optional<MotionPrior> priorOf(const Rotation& rotation, std::int64_t from_ns,
+                                     std::int64_t to_ns) const;
   std::optional<Rotation> integrate(std::int64_t from_ns, std::int64_t to_ns) const;
   void correct(const Rotation& rotation, const Eigen::Matrix3d& R_from_to_images,
                const Eigen::Matrix3d& covariance);

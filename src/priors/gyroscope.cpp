@@ -111,14 +111,7 @@ void Gyroscope::add(const ImuSample& sample) {
   }
   if (!sample.acceleration.allFinite()) ++faults_.without_acceleration;
   if (isSaturated(sample)) ++faults_.saturated;
-  const auto after = std::upper_bound(samples_.begin(), samples_.end(), sample, earlier);
-  if (after != samples_.begin() && (after - 1)->stamp_ns == sample.stamp_ns) {
-    ++faults_.doubled;
-  } else if (updated_ns_ && seconds(*updated_ns_ - sample.stamp_ns) > kKept_s) {
-    ++faults_.late;
-  } else {
-    samples_.insert(after, sample);
-  }
+  insertSample(sample, std::llround(1e9 * kKept_s), updated_ns_, &samples_, &faults_);
   boundSamples(kMaxSamples, updated_ns_, &samples_);
 }
 
@@ -137,20 +130,21 @@ bool Gyroscope::covers(std::int64_t frame_ns) const {
 }
 
 std::optional<MotionPrior> Gyroscope::between(std::int64_t from_ns, std::int64_t to_ns) const {
-  return isTrusted() ? measure(from_ns, to_ns) : std::nullopt;
+  if (!isTrusted()) return std::nullopt;
+  const std::optional<Rotation> rotation = integrate(from_ns, to_ns);
+  return rotation ? priorOf(*rotation, from_ns, to_ns) : std::nullopt;
 }
 
-std::optional<MotionPrior> Gyroscope::measure(std::int64_t from_ns, std::int64_t to_ns) const {
-  const std::optional<Rotation> rotation = integrate(from_ns, to_ns);
-  if (!rotation) return std::nullopt;
+std::optional<MotionPrior> Gyroscope::priorOf(const Rotation& rotation, std::int64_t from_ns,
+                                              std::int64_t to_ns) const {
   const Matrix3d covariance =
-      rotation->covariance + rotation->J_state * covariance_ * rotation->J_state.transpose();
+      rotation.covariance + rotation.J_state * covariance_ * rotation.J_state.transpose();
   const Eigen::LLT<Matrix3d> root(R_camera_imu_ * covariance * R_camera_imu_.transpose());
   if (root.info() != Eigen::Success) return std::nullopt;
   MotionPrior prior;
   prior.from_ns = from_ns;
   prior.to_ns = to_ns;
-  prior.T_prev_curr.linear() = R_camera_imu_ * rotation->R_from_to * R_camera_imu_.transpose();
+  prior.T_prev_curr.linear() = R_camera_imu_ * rotation.R_from_to * R_camera_imu_.transpose();
   const Matrix3d information = root.solve(Matrix3d::Identity());
   prior.information.bottomRightCorner<3, 3>() = 0.5 * (information + information.transpose());
   return prior;
@@ -225,12 +219,17 @@ void Gyroscope::update(const FrameResult& result) {
   updated_ns_ = result.stamp_ns;
   if (result.state == TrackingState::kOk && result.image_motion) {
     const ImageMotion& images = *result.image_motion;
-    if (const auto prior = measure(images.from_ns, result.stamp_ns)) {
+    std::optional<Rotation> rotation = integrate(images.from_ns, result.stamp_ns);
+    const auto prior =
+        rotation ? priorOf(*rotation, images.from_ns, result.stamp_ns) : std::nullopt;
+    if (prior) {
       const bool agreed = agrees(*prior, images);
       trust_.update(agreed);
-      if (!agreed && !isTrusted()) startFilter();  // it may have learnt something wrong
+      if (!agreed && !isTrusted()) {  // the filter may have learnt something wrong
+        startFilter();
+        rotation = integrate(images.from_ns, result.stamp_ns);
+      }
     }
-    const std::optional<Rotation> rotation = integrate(images.from_ns, result.stamp_ns);
     const bool stationary = result.twist.isZero(0.0);
     if (rotation && stationary) {
       correct(*rotation, Matrix3d::Identity(), kStandstill * kStandstill * Matrix3d::Identity());

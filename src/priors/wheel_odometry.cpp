@@ -44,8 +44,6 @@ double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 std::int64_t nanoseconds(double s) { return static_cast<std::int64_t>(std::llround(1e9 * s)); }
 
-bool earlier(const OdometrySample& a, const OdometrySample& b) { return a.stamp_ns < b.stamp_ns; }
-
 bool isEarlier(const OdometrySample& sample, std::int64_t stamp_ns) {
   return sample.stamp_ns < stamp_ns;
 }
@@ -111,14 +109,7 @@ void WheelOdometry::add(const OdometrySample& sample) {
     ++faults_.not_finite;
     return;
   }
-  const auto after = std::upper_bound(samples_.begin(), samples_.end(), sample, earlier);
-  if (after != samples_.begin() && (after - 1)->stamp_ns == sample.stamp_ns) {
-    ++faults_.doubled;
-  } else if (updated_ns_ && seconds(*updated_ns_ - sample.stamp_ns) > kKept_s) {
-    ++faults_.late;
-  } else {
-    samples_.insert(after, sample);
-  }
+  insertSample(sample, std::llround(1e9 * kKept_s), updated_ns_, &samples_, &faults_);
   boundSamples(kMaxSamples, updated_ns_, &samples_);
 }
 
