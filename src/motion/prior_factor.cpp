@@ -136,6 +136,15 @@ double PriorFactor::chiSquare(const Eigen::Isometry3d& T_curr_prev,
   return whitened.dot(sum.llt().solve(whitened));
 }
 
+PriorReport PriorFactor::compare(const MotionPrior& prior, const Eigen::Isometry3d& T_prev_curr,
+                                 const Matrix6d& covariance) {
+  const PriorFactor factor(prior);
+  PriorReport report;
+  report.axes = factor.axes();
+  report.chi_square = factor.chiSquare(T_prev_curr.inverse(), covariance);
+  return report;
+}
+
 bool PriorFactor::agrees(const PriorReport& report) {
   // Quantiles of the chi-square distribution at 0.9999 with 1 to 6 degrees of freedom.
   constexpr std::array<double, 6> kQuantiles{15.14, 18.42, 21.11, 23.51, 25.74, 27.86};

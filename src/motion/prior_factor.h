@@ -51,6 +51,10 @@ class PriorFactor {
   /// T_prev_curr, along and about the axes of the previous camera.
   double chiSquare(const Eigen::Isometry3d& T_curr_prev, const Matrix6d& covariance) const;
 
+  /// The same of a prior and an estimate, with the number of axes.
+  static PriorReport compare(const MotionPrior& prior, const Eigen::Isometry3d& T_prev_curr,
+                             const Matrix6d& covariance);
+
   /// Whether an independent estimate is within the error that both admit to: false for one in 10000
   /// of them.
   static bool agrees(const PriorReport& report);

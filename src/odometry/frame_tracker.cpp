@@ -130,10 +130,8 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
 /// Compares the prior with the motion by the images, if there is one.
 void FrameTracker::comparePrior(TrackingResult* tracked) const {
   if (!prior_.since_previous || !tracked->image_motion) return;
-  const PriorFactor factor(*prior_.since_previous);
-  tracked->prior.axes = factor.axes();
-  tracked->prior.chi_square = factor.chiSquare(tracked->image_motion->T_prev_curr.inverse(),
-                                               tracked->image_motion->covariance);
+  tracked->prior = PriorFactor::compare(*prior_.since_previous, tracked->image_motion->T_prev_curr,
+                                        tracked->image_motion->covariance);
   const bool agrees = PriorFactor::agrees(tracked->prior);
   tracked->prior.use = agrees ? PriorUse::kUsed : PriorUse::kRejected;
 }

@@ -5,11 +5,7 @@
 namespace point_line_odometry {
 
 bool agrees(const MotionPrior& prior, const ImageMotion& images) {
-  const PriorFactor factor(prior);
-  PriorReport report;
-  report.axes = factor.axes();
-  report.chi_square = factor.chiSquare(images.T_prev_curr.inverse(), images.covariance);
-  return PriorFactor::agrees(report);
+  return PriorFactor::agrees(PriorFactor::compare(prior, images.T_prev_curr, images.covariance));
 }
 
 }  // namespace point_line_odometry
