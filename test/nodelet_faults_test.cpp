@@ -34,6 +34,7 @@ namespace {
 constexpr const char* kName = "/stereo/odometry";
 constexpr double kTimeout_s = 20.0;
 constexpr double kWatchdog_s = 0.5;
+constexpr double kDiagnosticPeriod_s = 0.1;
 constexpr double kPeriod_s = 1e-9 * synthetic::kPeriodNs;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -85,6 +86,7 @@ class NodeletFaultsTest : public ::testing::Test {
     diagnostics_ = nh_.subscribe("/diagnostics", 100, &NodeletFaultsTest::takeDiagnostics, this);
     set("base_frame_id", std::string("camera"));
     set("watchdog_timeout_s", kWatchdog_s);
+    set("diagnostic_period", kDiagnosticPeriod_s);
     spinner_.start();
   }
 

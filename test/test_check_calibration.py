@@ -5,15 +5,12 @@ really another one, in a bag, and on a real sequence (skipped where it is absent
 import json
 import os
 import re
-import shutil
 import subprocess
-import tempfile
 import unittest
 
 import yaml
 
-from ros_fixture import local_host
-from tool_fixture import ToolTest, data_folder, find_program, read, run
+from tool_fixture import ToolTest, data_folder, read, run
 
 SCRIPTS = os.path.join(os.path.dirname(os.path.dirname(os.path.realpath(__file__))), "scripts")
 WORLD = "synthetic:street,seed=3,frames=40"
@@ -160,39 +157,6 @@ class CheckCalibrationTest(ToolTest):
         # Measured: given 0.255, online 0.193, corrected 0.194.
         self.assertLess(errors["corrected"], 1.05 * errors["online"])
         self.assertLess(errors["corrected"], 0.85 * errors["given"])
-
-
-class LiveTest(unittest.TestCase):
-    """A roscore of its own and the synthetic camera."""
-
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="point_line_calibration_")
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-        self.system = local_host(self.folder)
-        self.addCleanup(self.system.close)
-
-    def check(self, *arguments):
-        return subprocess.run(
-            [find_program("check_calibration"), "live", "--quiet", *arguments], timeout=120,
-            env=self.system.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            universal_newlines=True)
-
-    def test_live_camera(self):
-        result = self.check()
-        self.assertEqual(result.returncode, 2)
-        self.assertIn("no ROS master answers", result.stderr)
-        self.system.start_roscore()
-        result = self.check("--ns", "absent")
-        self.assertEqual(result.returncode, 2)
-        self.assertIn("/absent/left/image_rect", result.stderr)
-        self.system.start([find_program("synthetic_stereo"), "__ns:=/front", "__name:=camera",
-                           "_scene:=street", "_wait_for_subscribers:=false", "_frame_rate_hz:=4"],
-                          "camera")
-        output = os.path.join(self.folder, "out")
-        result = self.check("--ns", "front", "--seconds", "8", "-o", output, "--write")
-        self.assertEqual(result.returncode, 0, result.stderr + self.system.log("camera"))
-        self.assertIn(CONFIRMED, result.stdout)
-        self.assertEqual(sorted(os.listdir(output)), ["calibration.png", "left.yaml", "right.yaml"])
 
 
 class HelpTest(unittest.TestCase):

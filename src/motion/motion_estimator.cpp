@@ -40,8 +40,7 @@ constexpr double kHighLeverage = 0.3;
 constexpr double kLimitedCost = 9.0;
 constexpr double kLowerCost = 1.0;
 
-template <ResidualImages kImages>
-MotionEstimate failed(MotionStatus status, const MotionProblem<kImages>& problem, int iterations) {
+MotionEstimate failed(MotionStatus status, const MotionProblem& problem, int iterations) {
   MotionEstimate estimate;
   estimate.status = status;
   estimate.point_inliers.assign(problem.pointActive().size(), false);
@@ -50,8 +49,7 @@ MotionEstimate failed(MotionStatus status, const MotionProblem<kImages>& problem
   return estimate;
 }
 
-template <ResidualImages kImages>
-MotionEstimate finished(const MotionProblem<kImages>& problem, const Eigen::Isometry3d& T_curr_prev,
+MotionEstimate finished(const MotionProblem& problem, const Eigen::Isometry3d& T_curr_prev,
                         int iterations) {
   const ResidualStatistics statistics = problem.statistics(T_curr_prev);
   MotionEstimate estimate;
@@ -78,8 +76,7 @@ struct MatchCounts {
   int near;  // those that constrain the translation
 };
 
-template <ResidualImages kImages>
-MatchCounts countMatches(const MotionProblem<kImages>& problem) {
+MatchCounts countMatches(const MotionProblem& problem) {
   return {problem.numPoints() + problem.numLines(), problem.numNear()};
 }
 
@@ -89,8 +86,7 @@ bool areEnough(int inliers, int matches, const MotionParameters& parameters) {
 
 /// Whether matches carry the translation: a few wrong ones agree with some motion within the limit
 /// of inliers, but hardly as well as their noise says.
-template <ResidualImages kImages>
-bool nearAreEnough(const MotionProblem<kImages>& problem, const Eigen::Isometry3d& T_curr_prev,
+bool nearAreEnough(const MotionProblem& problem, const Eigen::Isometry3d& T_curr_prev,
                    const MatchCounts& matches, const MotionParameters& parameters) {
   return areEnough(problem.numNear(), matches.near, parameters) &&
          std::lround(problem.expectedRightNear(T_curr_prev)) >= parameters.min_inliers;
@@ -98,10 +94,8 @@ bool nearAreEnough(const MotionProblem<kImages>& problem, const Eigen::Isometry3
 
 /// Solves again, from the motion after outliers were removed, until the translation by which far
 /// points are shifted is the one that is estimated.
-template <ResidualImages kImages>
-typename MotionProblem<kImages>::SolveResult settleFarPoints(
-    typename MotionProblem<kImages>::SolveResult solved, double baseline_m,
-    MotionProblem<kImages>* problem) {
+MotionProblem::SolveResult settleFarPoints(MotionProblem::SolveResult solved, double baseline_m,
+                                           MotionProblem* problem) {
   const MatchCounts inliers = countMatches(*problem);
   if (inliers.near == 0 || inliers.near == inliers.all) return solved;
   for (int round = 0; round < kMaxRounds && solved.usable; ++round) {
@@ -122,10 +116,10 @@ typename MotionProblem<kImages>::SolveResult settleFarPoints(
 /// Solves again after some matches were dropped, and keeps that motion if the matches as a whole
 /// agree better with it. \param drop returns how many it has dropped from the problem. \param
 /// cost of all matches at a motion.
-template <ResidualImages kImages, typename Drop, typename Cost>
-typename MotionProblem<kImages>::SolveResult solveWithout(
-    const typename MotionProblem<kImages>::SolveResult& solved, const Drop& drop, const Cost& cost,
-    const MotionParameters& parameters, MotionProblem<kImages>* problem) {
+template <typename Drop, typename Cost>
+MotionProblem::SolveResult solveWithout(const MotionProblem::SolveResult& solved, const Drop& drop,
+                                        const Cost& cost, const MotionParameters& parameters,
+                                        MotionProblem* problem) {
   const std::vector<bool> points = problem->pointActive();
   const std::vector<bool> lines = problem->lineActive();
   const auto keepFirst = [&] {
@@ -148,10 +142,9 @@ typename MotionProblem<kImages>::SolveResult solveWithout(
 /// nearer than all others, agree with any motion that they have determined: no residual shows that
 /// they are wrong (Rousseeuw and Leroy, Robust Regression and Outlier Detection, 1987). So do those
 /// of a small part of the image. Tries to do without the ones, then without the others.
-template <ResidualImages kImages>
-typename MotionProblem<kImages>::SolveResult checkLeverage(
-    const typename MotionProblem<kImages>::SolveResult& solved, const MotionParameters& parameters,
-    MotionProblem<kImages>* problem) {
+MotionProblem::SolveResult checkLeverage(const MotionProblem::SolveResult& solved,
+                                         const MotionParameters& parameters,
+                                         MotionProblem* problem) {
   if (!solved.usable) return solved;
   const auto by_single = solveWithout(
       solved, [&] { return problem->dropLeverage(solved.T_curr_prev, kHighLeverage); },
@@ -167,9 +160,8 @@ typename MotionProblem<kImages>::SolveResult checkLeverage(
 /// motion/remove_outliers they are only reported. Far points agree with any translation: if too few
 /// of the other matches agree, these are dropped, and the translation remains unconstrained.
 /// \param matches of which enough must agree; those that are not active, too.
-template <ResidualImages kImages>
 MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters& parameters,
-                          const MatchCounts& matches, MotionProblem<kImages>* problem) {
+                          const MatchCounts& matches, MotionProblem* problem) {
   if (countMatches(*problem).all < parameters.min_matches)
     return failed(MotionStatus::kTooFewMatches, *problem, 0);
   const bool again = parameters.remove_outliers;
@@ -200,56 +192,38 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   return finished(*problem, second.T_curr_prev, iterations);
 }
 
-/// The estimator for the images that give residuals. \param max_distance_px largest reprojection
-/// error at the initial motion of matches that are used; all if not given.
-template <ResidualImages kImages>
+/// \param max_distance_px largest reprojection error at the initial motion of matches that are
+/// used; all if not given.
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
                         const Eigen::Isometry3d& start, const MotionParameters& parameters,
                         ThreadPool* threads, std::optional<double> max_distance_px) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters, threads);
-  problem.linearizeInformation(start);
-  MatchCounts matches = countMatches(problem);
+  const auto problem = MotionProblem::make(correspondences, camera, parameters, threads);
+  problem->linearizeInformation(start);
+  MatchCounts matches = countMatches(*problem);
   if (max_distance_px) {
-    problem.selectNear(start, *max_distance_px);
+    problem->selectNear(start, *max_distance_px);
     matches.all = static_cast<int>(std::ceil(kMinorityShare * matches.all));
     matches.near = static_cast<int>(std::ceil(kMinorityShare * matches.near));
   }
-  return solveTwice(start, parameters, matches, &problem);
-}
-
-template <ResidualImages kImages>
-MotionEstimate estimateAgain(const MotionEstimate& images, const PriorMotion& prior,
-                             const Correspondences& correspondences, const StereoCamera& camera,
-                             const MotionParameters& parameters, ThreadPool* threads) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters, threads, &prior.factor);
-  const Eigen::Isometry3d& start = images.ok() ? images.T_curr_prev : prior.T_curr_prev_predicted;
-  problem.linearizeInformation(start);
-  const MatchCounts matches = countMatches(problem);
-  if (images.ok()) problem.selectInliers(start);
-  return solveTwice(start, parameters, matches, &problem);
+  return solveTwice(start, parameters, matches, problem.get());
 }
 
 /// Estimates the translation with the rotation fixed; returns `frame_to_frame` if that fails.
-template <ResidualImages kImages>
 MotionEstimate estimateTranslation(const MotionEstimate& frame_to_frame,
                                    const Eigen::Isometry3d& start,
                                    const Correspondences& correspondences,
                                    const StereoCamera& camera, const MotionParameters& parameters,
                                    ThreadPool* threads) {
-  MotionProblem<kImages> problem(correspondences, camera, parameters, threads);
-  problem.linearizeInformation(start);
-  problem.selectInliers(start);
-  const int inliers = problem.numPoints() + problem.numLines();
+  const auto problem = MotionProblem::make(correspondences, camera, parameters, threads);
+  problem->linearizeInformation(start);
+  problem->selectInliers(start);
+  const int inliers = problem->numPoints() + problem->numLines();
   if (inliers < parameters.min_inliers) return frame_to_frame;
-  if (!parameters.remove_outliers) problem.selectAll();
-  const auto solve = problem.solve(start, {true, kFineTolerance});
+  if (!parameters.remove_outliers) problem->selectAll();
+  const auto solve = problem->solve(start, {true, kFineTolerance});
   if (!solve.usable) return frame_to_frame;
-  if (!parameters.remove_outliers) problem.selectInliers(solve.T_curr_prev);
-  return finished(problem, solve.T_curr_prev, frame_to_frame.iterations + solve.iterations);
-}
-
-bool usesBothImages(const MotionParameters& parameters) {
-  return parameters.residual_images == "both";
+  if (!parameters.remove_outliers) problem->selectInliers(solve.T_curr_prev);
+  return finished(*problem, solve.T_curr_prev, frame_to_frame.iterations + solve.iterations);
 }
 
 }  // namespace
@@ -271,9 +245,7 @@ const char* toString(MotionStatus status) {
 MotionEstimate estimateMotion(const Correspondences& correspondences, const StereoCamera& camera,
                               const Eigen::Isometry3d& T_curr_prev_initial,
                               const MotionParameters& parameters, ThreadPool* threads) {
-  const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
-                                                    : estimate<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_initial, parameters, threads, std::nullopt);
+  return estimate(correspondences, camera, T_curr_prev_initial, parameters, threads, std::nullopt);
 }
 
 MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
@@ -281,19 +253,21 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
                                             const MotionParameters& parameters,
                                             ThreadPool* threads) {
-  const auto estimator = usesBothImages(parameters) ? estimate<ResidualImages::kBoth>
-                                                    : estimate<ResidualImages::kLeft>;
-  return estimator(correspondences, camera, T_curr_prev_predicted, parameters, threads,
-                   kPredictedPx);
+  return estimate(correspondences, camera, T_curr_prev_predicted, parameters, threads,
+                  kPredictedPx);
 }
 
 MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorMotion& prior,
                                  const Correspondences& correspondences, const StereoCamera& camera,
                                  const MotionParameters& parameters, ThreadPool* threads) {
-  const auto estimator = usesBothImages(parameters) ? estimateAgain<ResidualImages::kBoth>
-                                                    : estimateAgain<ResidualImages::kLeft>;
-  MotionEstimate estimate = estimator(images, prior, correspondences, camera, parameters, threads);
-  return estimate.ok() ? estimate : images;
+  const auto problem =
+      MotionProblem::make(correspondences, camera, parameters, threads, &prior.factor);
+  const Eigen::Isometry3d& start = images.ok() ? images.T_curr_prev : prior.T_curr_prev_predicted;
+  problem->linearizeInformation(start);
+  const MatchCounts matches = countMatches(*problem);
+  if (images.ok()) problem->selectInliers(start);
+  const MotionEstimate with_prior = solveTwice(start, parameters, matches, problem.get());
+  return with_prior.ok() ? with_prior : images;
 }
 
 bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,
@@ -331,9 +305,7 @@ MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame, const TwoFrame
   const Eigen::Quaterniond by_one(frame_to_frame.T_curr_prev.linear());
   Eigen::Isometry3d fused = frame_to_frame.T_curr_prev;
   fused.linear() = by_one.slerp(0.5, by_two_frames).normalized().toRotationMatrix();
-  const auto estimator = usesBothImages(parameters) ? estimateTranslation<ResidualImages::kBoth>
-                                                    : estimateTranslation<ResidualImages::kLeft>;
-  return estimator(frame_to_frame, fused, correspondences, camera, parameters, threads);
+  return estimateTranslation(frame_to_frame, fused, correspondences, camera, parameters, threads);
 }
 
 }  // namespace point_line_odometry
