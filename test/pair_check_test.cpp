@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "matching/wide_matches.h"
 #include "point_line_odometry/rectification.h"
 #include "world/synthetic_world.h"
 
@@ -118,6 +119,24 @@ TEST_P(PairCheckTest, MaskedPartsAreLeftOut) {
   const PairMeasurement none = measurePair(images.left, images.right, nothing, nothing);
   EXPECT_EQ(none.keypoints_left, 0);
   EXPECT_FALSE(none.valid());
+}
+
+/// In no level of the pyramid.
+TEST_P(PairCheckTest, NothingDependsOnMaskedPixels) {
+  const cv::Mat image = pair().left;
+  cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
+  const cv::Rect masked(image.cols / 3, image.rows / 3, image.cols / 3, image.rows / 3);
+  mask(masked).setTo(0);
+  cv::Mat changed = image.clone();
+  cv::randu(changed(masked), 0, 256);
+  const std::vector<Keypoint> as_it_is = detectUnmasked(image, mask);
+  const std::vector<Keypoint> with_noise = detectUnmasked(changed, mask);
+  ASSERT_EQ(as_it_is.size(), with_noise.size());
+  EXPECT_GT(as_it_is.size(), 100U);
+  for (std::size_t i = 0; i < as_it_is.size(); ++i) {
+    EXPECT_EQ(as_it_is[i].pixel, with_noise[i].pixel) << i;
+    EXPECT_EQ(as_it_is[i].descriptor, with_noise[i].descriptor) << i;
+  }
 }
 
 TEST_P(PairCheckTest, ACorrectPairHasNoVerticalAndPositiveHorizontalDisparities) {

@@ -162,9 +162,10 @@ TEST(EstimateWithPrior, ImprovesAnEstimateByWhatItKnows) {
     const MotionEstimate images = estimateMotion(some, camera, Isometry3d::Identity(), {});
     if (!images.ok()) continue;
     const PriorFactor factor(rotationPrior(synthetic::motion(), 1e-4));
-    const MotionEstimate fused =
+    const auto with_prior =
         estimateWithPrior(images, {factor, images.T_curr_prev}, some, camera, {});
-    ASSERT_TRUE(fused.ok());
+    ASSERT_TRUE(with_prior.has_value());
+    const MotionEstimate& fused = *with_prior;
     const auto error = [](const MotionEstimate& estimate) {
       return rotationAngle(estimate.T_curr_prev.linear() *
                            synthetic::motion().linear().transpose());
@@ -177,6 +178,30 @@ TEST(EstimateWithPrior, ImprovesAnEstimateByWhatItKnows) {
   }
   EXPECT_GT(solved, 15);
   EXPECT_LT(prior_error, 0.3 * images_error);
+}
+
+/// Inliers may be fewer than the matches from which a motion is looked for.
+TEST(EstimateWithPrior, TakesAsFewInliersAsTheImagesAlone) {
+  synthetic::MatchOptions options;
+  options.points = 8;
+  options.lines = 0;
+  options.noise_px = 0.3;
+  options.outlier_share = 0.12;  // the first one
+  const StereoCamera camera = synthetic::camera();
+  const PriorFactor factor(rotationPrior(synthetic::motion(), 1e-4));
+  int fewer = 0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const Correspondences some = synthetic::matches(camera, synthetic::motion(), options, seed);
+    const MotionEstimate images = estimateMotion(some, camera, synthetic::motion(), {});
+    if (!images.ok() || images.num_point_inliers >= MotionParameters().min_matches) continue;
+    ++fewer;
+    const auto fused = estimateWithPrior(images, {factor, images.T_curr_prev}, some, camera, {});
+    ASSERT_TRUE(fused.has_value()) << seed;
+    EXPECT_LT(rotationAngle(fused->T_curr_prev.linear() * synthetic::motion().linear().transpose()),
+              1e-3)
+        << seed;
+  }
+  EXPECT_GT(fewer, 5);
 }
 
 }  // namespace

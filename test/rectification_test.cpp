@@ -134,6 +134,9 @@ TEST(StereoCameraTest, ValidateNamesFieldAndValue) {
   bad = good;
   bad.width = -3;
   expectInvalid([&] { bad.validate(); }, "width is -3");
+  bad = good;
+  bad.width = 33000;
+  expectInvalid([&] { bad.validate(); }, "width is 33000 px, but at most 32767");
 }
 
 // --- rectifyCalibration -----------------------------------------------------------------------

@@ -120,7 +120,8 @@ struct MatchOptions {
   int lines = 30;
   double noise_px = 0.0;  ///< of each pixel coordinate of points, and of end points across lines
   double sigma_px = 0.3;  ///< what the matches say their noise is
-  double outlier_share = 0.0;  ///< of matches whose pixels in frame k belong to something else
+  double disparity_error_px = 0.0;  ///< by which all disparities are too large
+  double outlier_share = 0.0;       ///< of matches whose pixels in frame k belong to something else
 };
 
 inline PointCorrespondence pointMatch(const StereoCamera& camera,
@@ -131,14 +132,15 @@ inline PointCorrespondence pointMatch(const StereoCamera& camera,
   };
   const Eigen::Vector3d p = visiblePoint(camera, random);
   // Noise is drawn in statements of their own: compilers differ in the order of arguments.
-  const Eigen::Vector2d right_px = noisy(camera.projectRight(p));
+  const Eigen::Vector2d error_px(-options.disparity_error_px, 0.0);  // of right pixels
+  const Eigen::Vector2d right_px = noisy(camera.projectRight(p) + error_px);
   const Eigen::Vector2d left_px = noisy(camera.projectLeft(p));
   const auto triangulated = triangulatePoint(camera, left_px, right_px.x(), options.sigma_px, 0.1);
   PointCorrespondence match;
   match.p_prev = triangulated.value().p_camera;
   match.covariance = triangulated->covariance;
   match.left_px = noisy(camera.projectLeft(T_curr_prev * p));
-  match.right_px = noisy(camera.projectRight(T_curr_prev * p));
+  match.right_px = noisy(camera.projectRight(T_curr_prev * p) + error_px);
   match.sigma_px = options.sigma_px;
   return match;
 }
@@ -162,7 +164,10 @@ inline LineCorrespondence lineMatch(const StereoCamera& camera,
                        across(b, b - a, random->normal(options.noise_px)).cast<float>()};
   };
   const LineSegment left = noisySegment(camera.projectLeft(start), camera.projectLeft(end));
-  const LineSegment right = noisySegment(camera.projectRight(start), camera.projectRight(end));
+  const auto projectRight = [&](const Eigen::Vector3d& p) -> Eigen::Vector2d {
+    return camera.projectRight(p) - Eigen::Vector2d(options.disparity_error_px, 0.0);
+  };
+  const LineSegment right = noisySegment(projectRight(start), projectRight(end));
   const auto triangulated = triangulateLine(camera, left, right, options.sigma_px, {});
   LineCorrespondence match;
   match.covariance = triangulated.value().covariance;
@@ -176,8 +181,8 @@ inline LineCorrespondence lineMatch(const StereoCamera& camera,
   };
   match.left_start_px = seen(camera.projectLeft(a), camera.projectLeft(b));
   match.left_end_px = seen(camera.projectLeft(b), camera.projectLeft(a));
-  match.right_start_px = seen(camera.projectRight(a), camera.projectRight(b));
-  match.right_end_px = seen(camera.projectRight(b), camera.projectRight(a));
+  match.right_start_px = seen(projectRight(a), projectRight(b));
+  match.right_end_px = seen(projectRight(b), projectRight(a));
   match.sigma_px = options.sigma_px;
   return match;
 }

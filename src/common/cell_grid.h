@@ -14,8 +14,8 @@ class CellGrid {
  public:
   CellGrid(int width, int height, int cell_size_px)
       : cell_size_px_(static_cast<float>(cell_size_px)),
-        columns_(static_cast<std::size_t>(width / cell_size_px) + 1),
-        cells_(columns_ * (static_cast<std::size_t>(height / cell_size_px) + 1)) {}
+        columns_(numCells(width, cell_size_px)),
+        cells_(columns_ * numCells(height, cell_size_px)) {}
 
   /// The value of the cell of a pixel, which must lie in the image.
   Value& at(const Eigen::Vector2f& pixel) { return cells_[indexOf(pixel)]; }
@@ -34,6 +34,11 @@ class CellGrid {
   const std::vector<Value>& cells() const { return cells_; }
 
  private:
+  /// The last one may be narrower than the others.
+  static std::size_t numCells(int length_px, int cell_size_px) {
+    return static_cast<std::size_t>((length_px + cell_size_px - 1) / cell_size_px);
+  }
+
   std::size_t indexOf(const Eigen::Vector2f& pixel) const {
     return static_cast<std::size_t>(pixel.y() / cell_size_px_) * columns_ +
            static_cast<std::size_t>(pixel.x() / cell_size_px_);

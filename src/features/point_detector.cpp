@@ -98,9 +98,12 @@ void PointDetector::describe(const cv::Mat& image, std::size_t begin,
   }
 }
 
-std::vector<Keypoint> PointDetector::detect(const cv::Mat& image) {
-  std::vector<Keypoint> keypoints = detectFinest(image);
-  const std::vector<Keypoint> coarser = detectCoarser(ImagePyramid(image, parameters_));
+std::vector<Keypoint> PointDetector::detect(const cv::Mat& image, const FeatureMask& mask) {
+  const ImagePyramid pyramid(mask.paint(image), parameters_);
+  FeatureMask of_levels = mask;
+  of_levels.addLevels(pyramid);
+  std::vector<Keypoint> keypoints = detectFinest(pyramid.levels.front(), of_levels);
+  const std::vector<Keypoint> coarser = detectCoarser(pyramid, nullptr, of_levels);
   keypoints.insert(keypoints.end(), coarser.begin(), coarser.end());
   return keypoints;
 }

@@ -29,7 +29,7 @@ class PointDetector {
 
   /// Keypoints of all levels in the order of octaves, within one in reading order of the cells;
   /// pixels in the full-resolution image. The image must be CV_8UC1.
-  std::vector<Keypoint> detect(const cv::Mat& image);
+  std::vector<Keypoint> detect(const cv::Mat& image, const FeatureMask& mask = {});
 
   /// Those of the finest level only, and those of all others.
   /// \param mask with the levels of the pyramid.

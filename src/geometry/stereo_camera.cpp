@@ -15,6 +15,17 @@ void requirePositive(const char* name, double value, const char* hint) {
   throw std::invalid_argument(text.str());
 }
 
+/// As OpenCV's functions that interpolate, the detector counts columns and rows in 16 bits.
+void requireSize(const char* name, int size) {
+  constexpr int kLargest = 32767;
+  requirePositive(name, size, "give the size of the images");
+  if (size <= kLargest) return;
+  std::ostringstream text;
+  text << "stereo camera: " << name << " is " << size << " px, but at most " << kLargest
+       << " px are possible";
+  throw std::invalid_argument(text.str());
+}
+
 /// The principal point may lie outside of the image, but not by more than its size.
 void requireNearImage(const char* name, double value, int size) {
   if (std::isfinite(value) && value > -size && value < 2.0 * size) return;
@@ -27,8 +38,8 @@ void requireNearImage(const char* name, double value, int size) {
 }  // namespace
 
 void StereoCamera::validate() const {
-  requirePositive("width", width, "give the size of the images");
-  requirePositive("height", height, "give the size of the images");
+  requireSize("width", width);
+  requireSize("height", height);
   requirePositive("fx", fx, "calibrate the pair");
   requirePositive("fy", fy, "calibrate the pair");
   requireNearImage("cx", cx, width);

@@ -2,15 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <opencv2/imgproc.hpp>
+#include <cstddef>
+#include <numeric>
 
 #include "features/point_detector.h"
+#include "matching/cross_check.h"
 #include "matching/descriptor_distance.h"
 #include "point_line_odometry/parameters.h"
 
 namespace point_line_odometry {
 namespace {
+
+/// Keypoints in the order of their rows.
+struct RowsOfKeypoints {
+  std::vector<int> indices;  // in the list that was given
+  std::vector<float> rows_px;
+  std::vector<Descriptor> descriptors;
+
+  explicit RowsOfKeypoints(const std::vector<Keypoint>& keypoints) : indices(keypoints.size()) {
+    std::iota(indices.begin(), indices.end(), 0);
+    const auto row = [&](int i) { return keypoints[static_cast<std::size_t>(i)].pixel.y(); };
+    std::stable_sort(indices.begin(), indices.end(), [&](int a, int b) { return row(a) < row(b); });
+    for (const int i : indices) {
+      rows_px.push_back(row(i));
+      descriptors.push_back(keypoints[static_cast<std::size_t>(i)].descriptor);
+    }
+  }
+};
 
 /// For each keypoint the nearest descriptor within `band_px` rows that passes the ratio test, or
 /// -1.
@@ -18,17 +36,35 @@ std::vector<int> bestPartners(const std::vector<Keypoint>& from, const std::vect
                               float band_px) {
   constexpr int kMaxDistance = 60;
   constexpr double kMaxRatio = 0.8;
+  const RowsOfKeypoints candidates(to);
+  const std::vector<float>& rows_px = candidates.rows_px;
+  std::vector<int> sequence(to.size());
+  std::iota(sequence.begin(), sequence.end(), 0);
+  std::vector<int> distances(to.size());
   std::vector<int> partners;
   partners.reserve(from.size());
   for (const Keypoint& keypoint : from) {
+    const float row_px = keypoint.pixel.y();
+    const auto first = std::lower_bound(rows_px.begin(), rows_px.end(), row_px - band_px);
+    const auto last = std::upper_bound(first, rows_px.end(), row_px + band_px);
+    const auto begin = static_cast<std::size_t>(first - rows_px.begin());
+    const auto count = static_cast<std::size_t>(last - first);
+    hammingDistances(keypoint.descriptor, candidates.descriptors.data(), sequence.data() + begin,
+                     static_cast<int>(count), distances.data());
     TwoNearest best;
-    for (std::size_t i = 0; i < to.size(); ++i) {
-      if (std::abs(to[i].pixel.y() - keypoint.pixel.y()) > band_px) continue;
-      best.offer(static_cast<int>(i), hammingDistance(keypoint.descriptor, to[i].descriptor));
-    }
+    for (std::size_t k = 0; k < count; ++k) best.offer(candidates.indices[begin + k], distances[k]);
     partners.push_back(best.accepted(kMaxDistance, kMaxRatio));
   }
   return partners;
+}
+
+/// As many cells in a large image as in one of usual size.
+int cellSize_px(cv::Size size) {
+  constexpr double kUsual_px = 0.5e6;
+  constexpr int kLargest_px = 400;
+  const int usual_px = PointParameters().cell_size_px;
+  const double ratio = std::sqrt(static_cast<double>(size.area()) / kUsual_px);
+  return std::clamp(cvRound(ratio * usual_px), usual_px, kLargest_px);
 }
 
 }  // namespace
@@ -40,18 +76,9 @@ bool isMaskOf(const cv::Mat& mask, const cv::Mat& image) {
 std::vector<Keypoint> detectUnmasked(const cv::Mat& image, const cv::Mat& mask) {
   PointParameters parameters;
   parameters.max_per_cell = 6;
-  std::vector<Keypoint> keypoints = PointDetector(parameters).detect(image);
-  if (!isMaskOf(mask, image)) return keypoints;
-  constexpr int kPatch_px = 31;
-  cv::Mat whole;  // 0 where a patch has a masked pixel
-  cv::erode(mask, whole, cv::Mat::ones(kPatch_px, kPatch_px, CV_8U));
-  const auto masked = [&](const Keypoint& keypoint) {
-    const int x = std::clamp(cvRound(keypoint.pixel.x()), 0, image.cols - 1);
-    const int y = std::clamp(cvRound(keypoint.pixel.y()), 0, image.rows - 1);
-    return whole.at<std::uint8_t>(y, x) == 0;
-  };
-  keypoints.erase(std::remove_if(keypoints.begin(), keypoints.end(), masked), keypoints.end());
-  return keypoints;
+  parameters.cell_size_px = cellSize_px(image.size());
+  return PointDetector(parameters)
+      .detect(image, FeatureMask(isMaskOf(mask, image) ? mask : cv::Mat()));
 }
 
 float wideBand_px(int rows) {
@@ -60,18 +87,9 @@ float wideBand_px(int rows) {
   return std::max(kLeast_px, kShare * static_cast<float>(rows));
 }
 
-std::vector<std::pair<std::size_t, std::size_t>> matchInBand(const std::vector<Keypoint>& from,
-                                                             const std::vector<Keypoint>& to,
-                                                             float band_px) {
-  const std::vector<int> forward = bestPartners(from, to, band_px);
-  const std::vector<int> back = bestPartners(to, from, band_px);
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    if (forward[i] < 0) continue;
-    const auto partner = static_cast<std::size_t>(forward[i]);
-    if (back[partner] == static_cast<int>(i)) pairs.emplace_back(i, partner);
-  }
-  return pairs;
+std::vector<IndexPair> matchInBand(const std::vector<Keypoint>& from,
+                                   const std::vector<Keypoint>& to, float band_px) {
+  return crossCheck(bestPartners(from, to, band_px), bestPartners(to, from, band_px));
 }
 
 }  // namespace point_line_odometry

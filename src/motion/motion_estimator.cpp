@@ -156,14 +156,15 @@ MotionProblem::SolveResult checkLeverage(const MotionProblem::SolveResult& solve
       parameters, problem);
 }
 
+MotionEstimate solveIfEnough(const Eigen::Isometry3d& start, const MotionParameters& parameters,
+                             const MatchCounts& matches, MotionProblem* problem);
+
 /// Solves with the active matches, removes outliers, and solves again. Without
 /// motion/remove_outliers they are only reported. Far points agree with any translation: if too few
 /// of the other matches agree, these are dropped, and the translation remains unconstrained.
 /// \param matches of which enough must agree; those that are not active, too.
 MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters& parameters,
                           const MatchCounts& matches, MotionProblem* problem) {
-  if (countMatches(*problem).all < parameters.min_matches)
-    return failed(MotionStatus::kTooFewMatches, *problem, 0);
   const bool again = parameters.remove_outliers;
   const auto first = problem->solve(start, {false, again ? kCoarseTolerance : kFineTolerance});
   if (!first.usable) return failed(MotionStatus::kSolverFailed, *problem, first.iterations);
@@ -176,7 +177,7 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   const auto solveWithoutNear = [&] {
     problem->dropNear();
     problem->linearizeInformation(start);  // those that are dropped have shifted the far ones
-    return solveTwice(start, parameters, {matches.all - matches.near, 0}, problem);
+    return solveIfEnough(start, parameters, {matches.all - matches.near, 0}, problem);
   };
   if (has_both && !areEnough(inliers.near, matches.near, parameters)) return solveWithoutNear();
   if (!again) return finished(*problem, first.T_curr_prev, first.iterations);
@@ -192,6 +193,14 @@ MotionEstimate solveTwice(const Eigen::Isometry3d& start, const MotionParameters
   return finished(*problem, second.T_curr_prev, iterations);
 }
 
+/// The same, of at least motion/min_matches active matches.
+MotionEstimate solveIfEnough(const Eigen::Isometry3d& start, const MotionParameters& parameters,
+                             const MatchCounts& matches, MotionProblem* problem) {
+  if (countMatches(*problem).all < parameters.min_matches)
+    return failed(MotionStatus::kTooFewMatches, *problem, 0);
+  return solveTwice(start, parameters, matches, problem);
+}
+
 /// \param max_distance_px largest reprojection error at the initial motion of matches that are
 /// used; all if not given.
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
@@ -205,7 +214,7 @@ MotionEstimate estimate(const Correspondences& correspondences, const StereoCame
     matches.all = static_cast<int>(std::ceil(kMinorityShare * matches.all));
     matches.near = static_cast<int>(std::ceil(kMinorityShare * matches.near));
   }
-  return solveTwice(start, parameters, matches, problem.get());
+  return solveIfEnough(start, parameters, matches, problem.get());
 }
 
 /// Estimates the translation with the rotation fixed; returns `frame_to_frame` if that fails.
@@ -257,17 +266,20 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                   kPredictedPx);
 }
 
-MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorMotion& prior,
-                                 const Correspondences& correspondences, const StereoCamera& camera,
-                                 const MotionParameters& parameters, ThreadPool* threads) {
+std::optional<MotionEstimate> estimateWithPrior(
+    const MotionEstimate& images, const PriorMotion& prior, const Correspondences& correspondences,
+    const StereoCamera& camera, const MotionParameters& parameters, ThreadPool* threads) {
   const auto problem =
       MotionProblem::make(correspondences, camera, parameters, threads, &prior.factor);
   const Eigen::Isometry3d& start = images.ok() ? images.T_curr_prev : prior.T_curr_prev_predicted;
   problem->linearizeInformation(start);
   const MatchCounts matches = countMatches(*problem);
   if (images.ok()) problem->selectInliers(start);
-  const MotionEstimate with_prior = solveTwice(start, parameters, matches, problem.get());
-  return with_prior.ok() ? with_prior : images;
+  // The inliers of a motion are enough for one, if fewer than it takes to find it.
+  MotionEstimate estimate = images.ok() ? solveTwice(start, parameters, matches, problem.get())
+                                        : solveIfEnough(start, parameters, matches, problem.get());
+  if (!estimate.ok()) return std::nullopt;
+  return estimate;
 }
 
 bool constrainByPrediction(const Eigen::Isometry3d& T_prev_curr_predicted,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <optional>
 #include <vector>
 
 #include "common/thread_pool.h"
@@ -62,11 +63,11 @@ struct PriorMotion {
 };
 
 /// Estimates again with a motion prior as one more residual. \param images the estimate without it:
-/// from its inliers, or from all matches and the predicted motion if it is not ok. Returns `images`
-/// if there is no solution.
-MotionEstimate estimateWithPrior(const MotionEstimate& images, const PriorMotion& prior,
-                                 const Correspondences& correspondences, const StereoCamera& camera,
-                                 const MotionParameters& parameters, ThreadPool* threads = nullptr);
+/// from its inliers, or from all matches and the predicted motion if it is not ok. Nothing if there
+/// is no solution.
+std::optional<MotionEstimate> estimateWithPrior(
+    const MotionEstimate& images, const PriorMotion& prior, const Correspondences& correspondences,
+    const StereoCamera& camera, const MotionParameters& parameters, ThreadPool* threads = nullptr);
 
 /// Fuses a motion with a predicted one by their covariances (Kalman update) if the prediction has
 /// the smaller variance along some axis; otherwise the motion is unchanged. Returns whether they

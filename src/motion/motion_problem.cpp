@@ -212,24 +212,45 @@ class MotionProblemOf final : public MotionProblem {
     return Matrix6d::Zero();
   }
 
-  /// Derivative of J^T r by an error that makes every disparity larger: points are triangulated
-  /// nearer, and their right pixels in frame k lie further left.
-  template <typename SqrtInformation>
-  Vector6d byDisparity(const PointResidual<kImages>& residual,
-                       const SqrtInformation& sqrt_information,
-                       const PointCorrespondence& point) const {
-    const bool in_front = point.p_prev.z() > camera().baseline_m;  // landmarks may be behind
-    if (!in_front || !parameters_.use_triangulation_covariance) return Vector6d::Zero();
-    const double disparity_px = camera().fx * camera().baseline_m / point.p_prev.z();
-    auto derivative = (residual.jacobianByLandmark() * (-point.p_prev / disparity_px)).eval();
-    if constexpr (kImages == ResidualImages::kBoth) derivative(2) -= 1.0;
+  /// Derivative of J^T r by an error that makes every disparity larger: landmarks are triangulated
+  /// nearer, and right pixels in frame k lie further left.
+  template <typename Residual, typename SqrtInformation>
+  Vector6d byDisparity(const Residual& residual, const SqrtInformation& sqrt_information,
+                       const typename Residual::Correspondence& match) const {
+    const std::optional<typename Residual::Value> derivative = byDisparity(residual, match);
+    if (!derivative || !parameters_.use_triangulation_covariance) return Vector6d::Zero();
     const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
-    return J.transpose() * (sqrt_information * derivative);
+    return J.transpose() * (sqrt_information * *derivative);
   }
-  template <typename SqrtInformation>
-  static Vector6d byDisparity(const LineResidual<kImages>&, const SqrtInformation&,
-                              const LineCorrespondence&) {
-    return Vector6d::Zero();
+
+  /// The same of the residual; nothing for a landmark that is not in front of frame k-1.
+  std::optional<typename PointResidual<kImages>::Value> byDisparity(
+      const PointResidual<kImages>& residual, const PointCorrespondence& point) const {
+    const std::optional<Eigen::Vector3d> nearer = nearerByDisparity(point.p_prev);
+    if (!nearer) return std::nullopt;
+    typename PointResidual<kImages>::Value derivative = residual.jacobianByLandmark() * *nearer;
+    if constexpr (kImages == ResidualImages::kBoth) derivative(2) -= 1.0;
+    return derivative;
+  }
+  std::optional<typename LineResidual<kImages>::Value> byDisparity(
+      const LineResidual<kImages>& residual, const LineCorrespondence& line) const {
+    const std::optional<Eigen::Vector3d> start = nearerByDisparity(line.start_prev);
+    const std::optional<Eigen::Vector3d> end = nearerByDisparity(line.end_prev);
+    if (!start || !end) return std::nullopt;
+    Vector6d nearer;
+    nearer << *start, *end;
+    typename LineResidual<kImages>::Value derivative = residual.jacobianByLandmark() * nearer;
+    if constexpr (kImages == ResidualImages::kBoth)
+      derivative.template tail<2>() -= residual.derivativeByColumn().template tail<2>();
+    return derivative;
+  }
+
+  /// Derivative of a triangulated point by its disparity [m / px].
+  std::optional<Eigen::Vector3d> nearerByDisparity(const Eigen::Vector3d& p_prev) const {
+    const StereoCamera& camera = this->camera();
+    if (!(p_prev.z() > camera.baseline_m)) return std::nullopt;  // landmarks may be behind
+    const double disparity_px = camera.fx * camera.baseline_m / p_prev.z();
+    return -p_prev / disparity_px;
   }
 
   const MotionParameters& parameters_;

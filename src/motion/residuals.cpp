@@ -63,6 +63,7 @@ LineResidual<kImages>::LineResidual(const LineCorrespondence& line, const Stereo
       J_l.head<2>() -= product / (norm * norm * norm) * l.head<2>();
       const int row = 2 * image + end;
       value(row) = product / norm;
+      by_column_(row) = l.x() / norm;
       J_moment_.col(row) = K_l.transpose() * J_l;
       J_moment_cross_t_.col(row) = J_moment_.col(row).cross(t);
     }

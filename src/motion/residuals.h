@@ -23,12 +23,13 @@ struct PointResidual {
   using Correspondence = PointCorrespondence;
   static constexpr ResidualImages kResidualImages = kImages;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 3 : 2;
+  using Value = Eigen::Matrix<double, kRows, 1>;
   using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
   using JacobianByLandmark = Eigen::Matrix<double, kRows, 3>;
   using Covariance = Eigen::Matrix<double, kRows, kRows>;
 
-  Eigen::Matrix<double, kRows, 1> value;  ///< with the match's offset
-  bool valid = false;                     ///< false if the point is not in front of the camera
+  Value value;         ///< with the match's offset
+  bool valid = false;  ///< false if the point is not in front of the camera
 
   /// The residual of a far point has a zero Jacobian by the translation.
   PointResidual(const PointCorrespondence& point, const StereoCamera& camera,
@@ -53,11 +54,12 @@ template <ResidualImages kImages>
 struct LineResidual {
   using Correspondence = LineCorrespondence;
   static constexpr int kRows = kImages == ResidualImages::kBoth ? 4 : 2;
+  using Value = Eigen::Matrix<double, kRows, 1>;
   using JacobianByMotion = Eigen::Matrix<double, kRows, 6>;
   using JacobianByLandmark = Eigen::Matrix<double, kRows, 6>;
   using Covariance = Eigen::Matrix<double, kRows, kRows>;
 
-  Eigen::Matrix<double, kRows, 1> value;
+  Value value;
   /// False if the line has no direction in the image, or is not in front of the camera.
   bool valid = false;
 
@@ -67,8 +69,11 @@ struct LineResidual {
   JacobianByMotion jacobianByMotion() const;
   /// By (start_prev, end_prev).
   JacobianByLandmark jacobianByLandmark() const;
+  /// Each row by the column of its end point.
+  const Value& derivativeByColumn() const { return by_column_; }
 
  private:
+  Value by_column_;
   Eigen::Matrix<double, 3, kRows> J_moment_;  // gradients by n + t x v, one column for each row
   Eigen::Matrix<double, 3, kRows> J_moment_cross_t_;
   Eigen::Matrix3d R_;

@@ -145,8 +145,9 @@ class WeightedMatches {
     for (std::size_t i = 0; i < matches_.size(); ++i) {
       if (!usable_[i]) continue;
       const Residual residual = residualAt(T_curr_prev, i);
-      const double squared = (sqrt_information_[i] * residual.value).squaredNorm();
-      cost += weights[i] * (residual.valid && squared < limit ? squared : limit);
+      const double squared =
+          residual.valid ? (sqrt_information_[i] * residual.value).squaredNorm() : limit;
+      cost += weights[i] * std::min(squared, limit);
     }
     return cost;
   }

@@ -39,10 +39,14 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
     const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
     const int octave = earlier.features.points_left[before.left].octave;
     const StereoMasks& masks = context.masks;
-    left = alignInOctave(patch.left, context.left, masks.left, octave, left.pixel).value_or(left);
-    right =
-        alignInOctave(patch.right, context.right, masks.right, octave, right.pixel).value_or(right);
-    patch_px = earlier.left_image.ratio(octave).maxCoeff() * PatchAligner::kSide;
+    const auto aligned_left =
+        alignInOctave(patch.left, context.left, masks.left, octave, left.pixel);
+    const auto aligned_right =
+        alignInOctave(patch.right, context.right, masks.right, octave, right.pixel);
+    left = aligned_left.value_or(left);
+    right = aligned_right.value_or(right);
+    if (aligned_left && aligned_right)
+      patch_px = earlier.left_image.ratio(octave).maxCoeff() * PatchAligner::kSide;
   }
   const double sigma_px =
       pointSigma(context, std::max(left.noise_px, right.noise_px),

@@ -361,11 +361,12 @@ MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expe
     comparePrior(tracked);
     if (tracked->prior.use == PriorUse::kRejected) return images;
   }
-  MotionEstimate with_prior =
+  std::optional<MotionEstimate> with_prior =
       estimateWithPrior(images, {PriorFactor(*expected.prior), T_curr_prev}, matches,
                         context_.camera, parameters_.motion, threads);
-  if (with_prior.ok()) tracked->prior.use = PriorUse::kUsed;
-  return with_prior;
+  if (!with_prior) return images;
+  tracked->prior.use = PriorUse::kUsed;
+  return *std::move(with_prior);
 }
 
 /// Fuses the motion with the prediction by their covariances (Kalman update) if some axis is better
