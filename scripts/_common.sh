@@ -3,8 +3,24 @@
 
 package=point_line_odometry
 repository=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
-workspace=$repository/.workspace
 noetic=/opt/ros/noetic
+
+# Where the scripts build: in the repository, unless that lies in a catkin workspace of its user, as
+# rosrun looks for programs in all of a package's folder and would find each of them twice.
+script_workspace() {
+  local folder=$repository
+  while [[ $folder == */*/* ]]; do
+    folder=${folder%/*}
+    [[ ${folder##*/} == src ]] || continue
+    if [[ -e $folder/CMakeLists.txt || -e ${folder%/*}/.catkin_workspace || -e ${folder%/*}/.catkin_tools ]]; then
+      echo "${folder%/*}/.$package"
+      return
+    fi
+  done
+  echo "$repository/.workspace"
+}
+workspace=$(script_workspace)
+export POINT_LINE_ODOMETRY_WORKSPACE=$workspace  # for what is written in Python
 
 # Says what begins, and how long the script has run: [min:s].
 step() { printf '\n=== [%d:%02d] %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$*"; }
@@ -36,7 +52,7 @@ use_ros() {
 }
 
 # Uses a separate workspace from here on, for another kind of build: .workspace/NAME.
-use_workspace() { workspace=$repository/.workspace/$1; }
+use_workspace() { workspace+=/$1; }
 
 # Makes the package in the workspace: a folder with links to what the repository has. A link to the
 # repository itself, in which the workspace lies, would be a loop for rosrun, which follows links,

@@ -17,7 +17,7 @@ from typing import Any, Callable, Dict, List, NoReturn, Optional
 # Only the standard library here: the rest is installed by this script.
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-WORKSPACE = os.path.join(REPOSITORY, '.workspace')
+WORKSPACE = os.environ.get('POINT_LINE_ODOMETRY_WORKSPACE', os.path.join(REPOSITORY, '.workspace'))
 END_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 FRAMES = {'street': 250, 'indoor': 250, 'corridor': 400}
 EXCERPT_LINES = 15

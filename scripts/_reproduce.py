@@ -198,7 +198,8 @@ def check_parallel() -> None:
 
 def prepare_programs(options: argparse.Namespace) -> str:
     """Builds the package unless told not to; the folder of its programs."""
-    built = os.path.join(REPOSITORY, '.workspace', 'devel', 'lib', 'point_line_odometry')
+    built = os.path.join(os.environ['POINT_LINE_ODOMETRY_WORKSPACE'], 'devel', 'lib',
+                         'point_line_odometry')
     if options.no_build:
         return os.path.abspath(os.environ.get('POINT_LINE_ODOMETRY_BIN', built))
     if subprocess.run([os.path.join(SCRIPTS, 'build')]).returncode != 0:

@@ -116,6 +116,12 @@ TEST_F(KittiDatasetTest, TakesWindowsLineEnds) {
   EXPECT_EQ(StereoDataset::open(folder()).frame(2).stamp_ns, 200000000);
 }
 
+TEST_F(KittiDatasetTest, IgnoresWhatIsNoImage) {
+  writeText(file("image_0/._000000.png"), "of macOS");
+  std::filesystem::create_directory(file("image_1/more.png"));
+  EXPECT_EQ(StereoDataset::open(folder()).size(), 3U);
+}
+
 TEST_F(KittiDatasetTest, StampsSince1970HaveTheirNanoseconds) {
   writeText(file("times.txt"),
             "1700000000.123456789\n1700000000.223456789\n1700000000.323456789\n");
@@ -394,6 +400,14 @@ TEST_F(EurocDatasetTest, PairsByEqualStamps) {
   ASSERT_EQ(dataset.size(), 1U);
   EXPECT_EQ(dataset.frame(0).stamp_ns, 1403636584763555581);
   EXPECT_EQ(dataset.load(0).left.at<std::uint8_t>(0, 0), 11);
+}
+
+TEST_F(EurocDatasetTest, NamesOfColumnsNeedNotBeAComment) {
+  for (const char* camera : {"cam0", "cam1"}) {
+    writeText(file("mav0/" + std::string(camera) + "/data.csv"),
+              "timestamp,filename\n1403636584763555580,1403636584763555580.png\n");
+  }
+  EXPECT_EQ(StereoDataset::open(folder()).size(), 1U);
 }
 
 TEST_F(EurocDatasetTest, GroundTruthIsOfTheLeftCamera) {

@@ -55,6 +55,14 @@ class Camera {
     }
   }
 
+  void addTransform(const std::string& parent, const std::string& child) {
+    geometry_msgs::TransformStamped transform;
+    transform.header.frame_id = parent;
+    transform.child_frame_id = child;
+    transform.transform.rotation.w = 1.0;
+    tf_.setTransform(transform, "test", true);
+  }
+
   /// Publishes `frames` frames and returns the facts of the checks.
   DoctorFacts watch(int frames = 10) {
     StereoInput::TopicNames names;
@@ -444,6 +452,54 @@ TEST(DoctorReportTest, AsksForTheTransform) {
   expectLine(facts, Subject::kMounting, Level::kWarn, "straight up", "-1.5708");
 }
 
+/// A frame has one parent in tf: it is the robot's topmost one that the odometry moves.
+TEST(DoctorReportTest, AFrameBelowAnotherIsNoBase) {
+  Camera camera;
+  camera.frame_ = "optical_frame";
+  tf2::BufferCore& tf = camera.tf_;
+  camera.addTransform("base_link", "camera_link");
+  camera.addTransform("camera_link", "optical_frame");
+  EXPECT_EQ(topmostFrame(tf, "optical_frame"), "base_link");
+  EXPECT_EQ(topmostFrame(tf, "unknown"), "unknown");
+  camera.parameters_.base_frame_id = "base_footprint";
+  expectLine(camera.watch(), Subject::kMounting, Level::kError,
+             "no transform from base_footprint to optical_frame",
+             "from base_footprint to base_link, or set base_frame_id to base_link");
+  camera.parameters_.base_frame_id = "optical_frame";
+  DoctorFacts facts = camera.watch();
+  facts.other_parents = {{"/robot_state_publisher", "camera_link"}};
+  expectLine(facts, Subject::kMounting, Level::kError,
+             "/robot_state_publisher publishes the pose of optical_frame in camera_link",
+             "set base_frame_id to the topmost frame of the robot, base_link");
+  facts.other_parents = {{"/wheels", "odom"}};
+  expectLine(facts, Subject::kMounting, Level::kError, "/wheels publishes", "publish_tf: false");
+}
+
+TEST(DoctorReportTest, TellsWhatTheOdometryPublishesOnTf) {
+  NodeParameters parameters;
+  EXPECT_EQ(childFrameOfOdometry(parameters), "base_link");
+  parameters.guess_frame_id = "wheel_odom";
+  EXPECT_EQ(childFrameOfOdometry(parameters), "wheel_odom");
+  parameters.invert_tf = true;
+  EXPECT_EQ(childFrameOfOdometry(parameters), "odom");
+  parameters.publish_tf = false;
+  EXPECT_EQ(childFrameOfOdometry(parameters), "");
+}
+
+/// Configured, but absent.
+TEST(DoctorReportTest, NamesSourcesOfWhichFramesHaveNothing) {
+  DoctorFacts facts = Camera().watch();
+  SourceFacts source;
+  source.timeout = "nothing arrives on /imu: start the IMU's driver";
+  facts.imu_source = facts.wheels_source = source;
+  expectLine(facts, Subject::kImu, Level::kWarn, "nothing arrives on /imu", "driver");
+  expectLine(facts, Subject::kWheels, Level::kWarn, "nothing arrives on /imu", "driver");
+  facts.imu_source->counts = {200, 0, true};
+  expectLine(facts, Subject::kImu, Level::kOk, "200 imu samples");
+  facts.imu_source->frames_without = SourceFacts::kManyFrames;
+  expectLine(facts, Subject::kImu, Level::kWarn, "too few of them", "compare both clocks");
+}
+
 TEST(DoctorReportTest, ComparesTheTimeOfAFrameWithTheRate) {
   DoctorFacts facts = Camera().watch();
   expectLine(facts, Subject::kSpeed, Level::kOk, "20.0 ms per frame, one comes every 100.0 ms");
@@ -509,7 +565,12 @@ TEST(DoctorReportTest, WarnsOfMasksThatAreMissingOrUnusable) {
 TEST(DoctorReportTest, ReportsAMissingClock) {
   DoctorFacts facts = Camera().watch();
   facts.clock_missing = true;
-  expectLine(facts, Subject::kClock, Level::kWarn, "use_sim_time", "--clock");
+  expectLine(facts, Subject::kClock, Level::kError, "use_sim_time", "--clock");
+  Camera unstamped;
+  unstamped.unstamped_ = true;
+  facts = unstamped.watch();
+  facts.clock_missing = true;
+  expectLine(facts, Subject::kStamps, Level::kError, "use_sim_time", "/use_sim_time false");
 }
 
 TEST(DoctorReportTest, MeasuresRawImagesAfterRectification) {

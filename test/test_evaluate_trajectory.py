@@ -354,10 +354,13 @@ class Formats(FileTest):
         body_text = euroc_text(self.poses @ ev.inverse(T_body_camera[None]), self.stamps)
         body = self.write('mav0/state_groundtruth_estimate0/data.csv', body_text)
         yaml = self.write('mav0/cam0/sensor.yaml', sensor)
+        opencv_yaml = self.write('opencv.yaml', '%YAML:1.0\n' + sensor)
         moved = self.write('elsewhere.csv', body_text)
         for ground_truth, extra, exact in ((body, [], True),
                                            (body, ['--body-to-camera', 'none'], False),
-                                    (moved, [], False), (moved, ['--body-to-camera', yaml], True)):
+                                           (moved, [], False),
+                                           (moved, ['--body-to-camera', yaml], True),
+                                           (moved, ['--body-to-camera', opencv_yaml], True)):
             _, result = ev.run(ev.parse_arguments(
                 ['--groundtruth', ground_truth, '--estimate', camera] + extra))
             self.assertEqual(result['ate_m']['max'] < 1e-6, exact, (ground_truth, extra))

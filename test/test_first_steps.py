@@ -57,6 +57,23 @@ class WorkspaceTest(unittest.TestCase):
         return {entry: os.path.realpath(os.path.join(folder, entry))
                 for entry in os.listdir(folder)}
 
+    def script_workspace(self, repository):
+        """Where the scripts of a repository build."""
+        result = shell(f"source '{REPOSITORY}/scripts/_common.sh'; repository='{repository}'; "
+                       "script_workspace", BASE)
+        self.assertEqual((result.returncode, result.stderr), (0, ""))
+        return result.stdout.strip()
+
+    def test_scripts_build_outside_of_a_package_in_a_workspace(self):
+        """rosrun would find what is in the package's folder, too."""
+        repository = self.path("src", "group", "repo")
+        os.makedirs(repository)
+        self.assertEqual(self.script_workspace(repository), os.path.join(repository, ".workspace"))
+        for mark in (".catkin_workspace", ".catkin_tools", os.path.join("src", "CMakeLists.txt")):
+            write(self.path(mark), "")
+            self.assertEqual(self.script_workspace(repository), self.path("." + PACKAGE), mark)
+            os.remove(self.path(mark))
+
     def test_package_of_the_workspace_does_not_hold_the_workspace(self):
         os.makedirs(self.path("repo", "src"))
         os.makedirs(self.path("repo", ".workspace", "src"))

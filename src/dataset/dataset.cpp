@@ -101,7 +101,10 @@ std::vector<std::string> listImages(const fs::path& folder) {
   }
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().extension() == ".png") names.push_back(entry.path().filename().string());
+    const std::string name = entry.path().filename().string();
+    const bool hidden = name.front() == '.';  // as macOS adds to each file on other systems' disks
+    if (entry.path().extension() == ".png" && entry.is_regular_file() && !hidden)
+      names.push_back(name);
   }
   std::sort(names.begin(), names.end());
   requireEqualLengths(folder, names);
@@ -274,7 +277,7 @@ EurocCamera readEurocCamera(const fs::path& file) {
 std::map<std::int64_t, std::string> indexEurocCamera(const fs::path& folder) {
   const fs::path file = folder / "data.csv";
   std::map<std::int64_t, std::string> images;
-  for (const std::string& row : readLines(file)) {
+  for (const std::string& row : readTable(file)) {
     const std::size_t name = row.find_first_not_of(", ", row.find(','));
     if (name == std::string::npos) {
       fail("file ", inQuotes(file), " has the row '", row, "', but must hold 'stamp,filename'");
@@ -315,7 +318,7 @@ std::vector<StampedPose> readEurocPoses(const fs::path& file,
                                         const Eigen::Isometry3d& T_body_camera) {
   std::vector<StampedPose> poses;
   if (!fs::exists(file)) return poses;
-  for (const std::string& row : readLines(file)) {
+  for (const std::string& row : readTable(file)) {
     const std::vector<double> n = parseNumbers(row, file);
     const double norm = n.size() < 8 ? 0.0 : Eigen::Vector4d(n[4], n[5], n[6], n[7]).norm();
     if (std::abs(norm - 1.0) > 0.01) {
@@ -371,7 +374,7 @@ std::optional<ImuData> StereoDataset::readImu() const {
   ImuData data;
   data.T_imu_camera = T_body_imu.inverse() * *T_body_camera_;
   const fs::path file = folder / "data.csv";
-  for (const std::string& row : readLines(file)) {
+  for (const std::string& row : readTable(file)) {
     const std::vector<double> n = parseNumbers(row, file);
     if (n.size() != 7) {
       fail("file ", inQuotes(file), " has a row without a stamp, rates and accelerations: '", row,

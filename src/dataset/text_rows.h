@@ -42,6 +42,14 @@ inline std::vector<std::string> readLines(const std::filesystem::path& file) {
   return lines;
 }
 
+/// The same of a table of numbers, without names of its columns that are no comment.
+inline std::vector<std::string> readTable(const std::filesystem::path& file) {
+  std::vector<std::string> lines = readLines(file);
+  const auto is_name = [](char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; };
+  if (lines.size() > 1 && is_name(lines.front().front())) lines.erase(lines.begin());
+  return lines;
+}
+
 /// The numbers of a row, separated by blanks or commas. Throws for anything else.
 inline std::vector<double> parseNumbers(std::string row, const std::filesystem::path& file) {
   std::replace(row.begin(), row.end(), ',', ' ');

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
-#include <iomanip>
 #include <sstream>
 
 #include "common/statistics.h"
@@ -50,29 +49,12 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
   }
 }
 
-std::string whyNothing(const SourceFacts& source) {
-  std::ostringstream text;
-  text << "there are too few of them around the stamps of the images";
-  if (source.newest_s) {
-    text << ", the newest is " << std::fixed << std::setprecision(3) << std::abs(*source.newest_s)
-         << " s " << (*source.newest_s < 0.0 ? "before" : "after") << " the last image";
-  }
-  text << ": compare both clocks, and the rate";
-  return text.str();
-}
-
 /// Adds a source of motion priors: whether its samples come, and how many could not be used and
 /// why.
 void reportSource(const std::string& name, const SourceFacts& source,
                   diagnostic_updater::DiagnosticStatusWrapper* status) {
-  if (!source.counts.alive) {
-    status->mergeSummary(Level::WARN, source.timeout);
-  } else if (!source.fault.empty()) {
-    status->mergeSummary(Level::WARN, name + " are not used: " + source.fault);
-  } else if (source.frames_without >= SourceFacts::kManyFrames) {
-    status->mergeSummary(Level::WARN,
-                         name + " come, but give the frames nothing: " + whyNothing(source));
-  }
+  const std::string fault_of_source = faultOf(name, source);
+  if (!fault_of_source.empty()) status->mergeSummary(Level::WARN, fault_of_source);
   status->add(name, source.counts.received);
   const auto addUnused = [&](const std::string& fault, std::uint64_t count) {
     if (count > 0) status->add(name + " not used: " + fault, count);
@@ -188,6 +170,16 @@ std::optional<double> Diagnostics::medianFrameMs() const {
 std::optional<MaskFacts> Diagnostics::masks() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return masks_;
+}
+
+std::optional<SourceFacts> Diagnostics::imu() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return imu_;
+}
+
+std::optional<SourceFacts> Diagnostics::wheels() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return wheels_;
 }
 
 FrameCounters Diagnostics::counters() const {

@@ -49,6 +49,10 @@ class Diagnostics {
   /// Nothing before the first frame.
   std::optional<MaskFacts> masks() const;
 
+  /// Nothing before the first frame, and without such a source.
+  std::optional<SourceFacts> imu() const;
+  std::optional<SourceFacts> wheels() const;
+
   /// Median time for the latest frames [ms]; nothing before the second frame.
   std::optional<double> medianFrameMs() const;
 

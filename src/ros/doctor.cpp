@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 #include <ros/master.h>
+#include <ros/this_node.h>
 
 #include <algorithm>
 #include <chrono>
@@ -34,6 +35,7 @@ Doctor::Doctor(ros::NodeHandle nh, const NodeParameters& parameters, const std::
       start_(ros::WallTime::now()),
       publisher_(nh.advertise<diagnostic_msgs::DiagnosticArray>("doctor", 1, true)),
       checks_(parameters),
+      tf_parents_(nh, childFrameOfOdometry(parameters)),
       thread_(&Doctor::work, this) {}
 
 Doctor::~Doctor() {
@@ -64,7 +66,7 @@ void Doctor::work() {
   }
 }
 
-/// A few times at the start, then rarely enough to take less than 1 % of a core.
+/// A few times at the start, then rarely enough to take some percent of a core.
 void Doctor::measureIfDue() {
   constexpr int kAtStart = PairTrend::kWindow;
   constexpr double kPeriod_s = 5.0;
@@ -85,6 +87,12 @@ void Doctor::checkAndReport() {
   facts.clock_missing = isClockMissing();
   facts.frame_ms = sources_.diagnostics->medianFrameMs();
   facts.masks = sources_.diagnostics->masks();
+  facts.imu_source = sources_.diagnostics->imu();
+  facts.wheels_source = sources_.diagnostics->wheels();
+  for (TfParents::Source& source : tf_parents_.sources()) {
+    if (source.publisher != ros::this_node::getName())
+      facts.other_parents.push_back(std::move(source));
+  }
   const std::vector<DoctorLine> lines = checkInput(facts);
   sources_.diagnostics->noteCheck(lines);
   if (!schedule_.due(age, lines)) return;

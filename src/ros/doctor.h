@@ -17,6 +17,7 @@
 #include "ros/log_throttle.h"
 #include "ros/node_parameters.h"
 #include "ros/stereo_subscriber.h"
+#include "ros/tf_parents.h"
 
 namespace point_line_odometry {
 
@@ -62,6 +63,7 @@ class Doctor {
 
   // Used by the thread only.
   DoctorChecks checks_;
+  const TfParents tf_parents_;
   ReportSchedule schedule_;
   StereoMessages last_measured_;
   int num_measured_ = 0;

@@ -207,6 +207,7 @@ DoctorFacts DoctorChecks::facts(const InputFacts& input, const tf2::BufferCore& 
   if (!input.latest.left) return facts;
   facts.camera_frame = withoutLeadingSlash(input.latest.left->header.frame_id);
   facts.T_base_camera = findMounting(facts.camera_frame, tf);
+  facts.topmost_frame = topmostFrame(tf, facts.camera_frame);
   return facts;
 }
 

@@ -59,7 +59,7 @@ class DoctorChecks {
   void follow(const StereoMessages& set);
 
   /// \param tf looked up for the camera's mounting. Left for the caller: image_topics, from_bag,
-  /// clock_missing, frame_ms, masks, imu.
+  /// clock_missing, frame_ms, masks, imu, imu_source, wheels_source, other_parents.
   DoctorFacts facts(const InputFacts& input, const tf2::BufferCore& tf);
 
  private:

@@ -14,7 +14,9 @@
 #include "ros/frame_messages.h"
 #include "ros/node_parameters.h"
 #include "ros/rim_agreement.h"
+#include "ros/source_facts.h"
 #include "ros/stereo_input.h"
+#include "ros/tf_parents.h"
 
 namespace point_line_odometry {
 
@@ -61,11 +63,16 @@ struct DoctorFacts {
 
   std::string camera_frame;  ///< of the left image's header
   std::optional<Eigen::Isometry3d> T_base_camera;
+  std::string topmost_frame;  ///< that tf has the camera's frame below; itself if tf has none
+  std::vector<TfParents::Source> other_parents;  ///< who else publishes what the odometry does
 
   std::optional<MaskFacts> masks;  ///< nothing: no frame processed yet
   std::string mask_fault;          ///< of the files, with a hint; empty if there is none
 
   std::optional<ImuCheckFacts> imu;  ///< nothing: there is none to be checked
+
+  std::optional<SourceFacts> imu_source;  ///< of a node; nothing: none, or not known yet
+  std::optional<SourceFacts> wheels_source;
 
   std::optional<double> frame_ms;  ///< median time for a frame on this computer
 };

@@ -9,6 +9,11 @@
 
 namespace point_line_odometry {
 
+// Of a time that does not tick.
+constexpr const char* kHintForClock =
+    "play bags with 'rosbag play --clock'; for a live camera 'rosparam set /use_sim_time false', "
+    "then start its driver and the odometry again";
+
 /// A number with fixed decimals.
 std::string number(double value, int decimals);
 

@@ -83,6 +83,8 @@ const char* toString(DoctorSubject subject) {
       return "masks";
     case Subject::kImu:
       return "imu";
+    case Subject::kWheels:
+      return "wheels";
     case Subject::kSpeed:
       return "speed";
     case Subject::kClock:

@@ -34,6 +34,7 @@ enum class DoctorSubject {
   kMounting,
   kMasks,
   kImu,
+  kWheels,
   kSpeed,
   kClock
 };

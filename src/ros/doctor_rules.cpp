@@ -22,6 +22,36 @@ std::string mountingText(const Eigen::Isometry3d& T_base_camera) {
          ", " + number(forward.z(), 2) + ")";
 }
 
+/// How the camera's pose in the base gets known to tf.
+std::string hintForMounting(const DoctorFacts& facts) {
+  const std::string& base = facts.parameters.base_frame_id;
+  const std::string& topmost = facts.topmost_frame;
+  if (topmost != facts.camera_frame) {
+    return facts.camera_frame + " hangs below " + topmost + ": publish the transform from " + base +
+           " to " + topmost + ", or set base_frame_id to " + topmost;
+  }
+  return "publish it, for example 'rosrun tf2_ros static_transform_publisher X Y Z -1.5708 0 "
+         "-1.5708 " +
+         base + " " + facts.camera_frame + "', or set base_frame_id to " + facts.camera_frame;
+}
+
+/// A frame that the odometry publishes, and another node, too.
+DoctorLine conflictLine(const DoctorFacts& facts) {
+  const TfParents::Source& other = facts.other_parents.front();
+  const std::string child = childFrameOfOdometry(facts.parameters);
+  std::string hint =
+      "a frame of tf has one parent and one publisher: let one of them not publish "
+      "it (publish_tf: false)";
+  if (other.parent != facts.parameters.odom_frame_id && facts.topmost_frame != child)
+    hint += ", or set base_frame_id to the topmost frame of the robot, " + facts.topmost_frame;
+  return failureLine(Subject::kMounting, Level::kError,
+                     other.publisher + " publishes the pose of " + child + " in " + other.parent +
+                         ", as this odometry does in " +
+                         (facts.parameters.invert_tf ? facts.parameters.base_frame_id
+                                                     : facts.parameters.odom_frame_id),
+                     hint);
+}
+
 DoctorLine checkMounting(const DoctorFacts& facts) {
   const std::string& base = facts.parameters.base_frame_id;
   const std::string& camera = facts.camera_frame;
@@ -30,14 +60,13 @@ DoctorLine checkMounting(const DoctorFacts& facts) {
     return failureLine(Subject::kMounting, Level::kError, "frame_id of the left images is empty",
                        "set it in the driver to the camera's optical frame");
   }
+  if (!facts.other_parents.empty()) return conflictLine(facts);
   if (camera == base) return okLine(Subject::kMounting, "pose of the camera itself, " + camera);
   if (!facts.T_base_camera) {
     return failureLine(Subject::kMounting, facts.from_bag ? Level::kWarn : Level::kError,
                        "no transform from " + base + " to " + camera +
                            (facts.from_bag ? " in the bag" : ": frames wait for it"),
-                       "publish it, for example 'rosrun tf2_ros static_transform_publisher X Y Z "
-                       "-1.5708 0 -1.5708 " +
-                           base + " " + camera + "', or set base_frame_id to " + camera);
+                       hintForMounting(facts));
   }
   const std::string text = base + " to " + camera + ": " + mountingText(*facts.T_base_camera);
   if (facts.T_base_camera->linear().isIdentity(1e-6)) {
@@ -66,10 +95,12 @@ DoctorLine evaluateMasks(const DoctorFacts& facts) {
       ((expectsMask(facts.parameters, 0) ? 1 : 0) + (expectsMask(facts.parameters, 1) ? 1 : 0));
   constexpr double kManyMissing = 0.1;
   if (static_cast<double>(masks.missing) > kManyMissing * expected) {
-    return failureLine(Subject::kMasks, Level::kWarn,
-                       std::to_string(masks.missing) + " of " + number(expected, 0) +
-                           " masks did not come in time",
-                       "publish each with the exact stamp of its image, or raise mask_wait_s");
+    return failureLine(
+        Subject::kMasks, Level::kWarn,
+        std::to_string(masks.missing) + " of " + number(expected, 0) +
+            " masks did not come in time",
+        "see that something publishes left/mask_image or right/mask_image, each with "
+        "the exact stamp of its image, or raise mask_wait_s");
   }
   constexpr double kMost = 0.8;
   if (std::max(masks.left_share, masks.right_share) > kMost) {
@@ -102,6 +133,15 @@ DoctorLine checkMasks(const DoctorFacts& facts) {
   return line;
 }
 
+/// Of a node's IMU or wheels.
+DoctorLine checkSource(Subject subject, const std::string& name, const SourceFacts& source) {
+  const std::string fault = faultOf(name, source);
+  if (fault.empty()) return okLine(subject, std::to_string(source.counts.received) + " " + name);
+  DoctorLine line = failureLine(subject, fault);
+  line.level = Level::kWarn;
+  return line;
+}
+
 DoctorLine checkSpeed(const DoctorFacts& facts) {
   const double rate_hz = facts.input.set_rate_hz;
   if (!facts.frame_ms || rate_hz <= 0.0) {
@@ -125,8 +165,9 @@ DoctorLine checkSpeed(const DoctorFacts& facts) {
 DoctorLine checkClock(const DoctorFacts& facts) {
   if (facts.clock_missing) {
     return failureLine(
-        Subject::kClock, Level::kWarn, "use_sim_time is set, but no /clock arrives",
-        "play bags with 'rosbag play --clock', or unset /use_sim_time and start again");
+        Subject::kClock, Level::kError,
+        "use_sim_time is set, as by the demo and replay.launch, but no /clock arrives",
+        kHintForClock);
   }
   return okLine(Subject::kClock, facts.from_bag ? "that of the bag" : "ticks");
 }
@@ -142,6 +183,10 @@ std::vector<DoctorLine> checkInput(const DoctorFacts& facts) {
   lines.push_back(checkMounting(facts));
   if (usesMasks(facts.parameters)) lines.push_back(checkMasks(facts));
   if (facts.imu) lines.push_back(checkImu(*facts.imu));
+  if (facts.imu_source)
+    lines.push_back(checkSource(Subject::kImu, "imu samples", *facts.imu_source));
+  if (facts.wheels_source)
+    lines.push_back(checkSource(Subject::kWheels, "poses by wheels", *facts.wheels_source));
   lines.push_back(checkSpeed(facts));
   lines.push_back(checkClock(facts));
   return lines;

@@ -108,6 +108,11 @@ DoctorLine evaluateStamps(const DoctorFacts& facts) {
   constexpr std::uint64_t kFew = 5;
   const InputFacts& input = facts.input;
   if (!input.image_skew_s) return unknownLine(Subject::kStamps, "no images of both cameras yet");
+  if (input.unstamped && facts.clock_missing) {
+    return failureLine(Subject::kStamps, Level::kError,
+                       "messages have the stamp 0, as use_sim_time is set but no /clock arrives",
+                       kHintForClock);
+  }
   if (input.unstamped) {
     return failureLine(Subject::kStamps, Level::kError, "messages have the stamp 0",
                        "let the driver stamp images and camera_info with the time of exposure");

@@ -86,7 +86,8 @@ void FlightRecorder::watchForLoss(TrackingState state) {
   const Clock::time_point now = Clock::now();
   const std::chrono::duration<double> period(target_.parameters.recorder.lost_period_s);
   if ((last_loss_ && now - *last_loss_ < period) || writing_loss_) {
-    ROS_INFO("lost again: no recording is written so soon after the last one");
+    if (log_throttle_.passes("lost again"))
+      ROS_INFO("lost again: no recording is written so soon after the last one");
     return;
   }
   last_loss_ = now;

@@ -8,6 +8,7 @@
 
 #include "dataset/camera_info_file.h"
 #include "ros/calibration_conversion.h"
+#include "ros/parameter_tree.h"
 #include "ros/remapped_names.h"
 #include "ros/side_by_side.h"
 
@@ -15,6 +16,28 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kQueueSize = 5;
+
+/// Its private parameters, as the class says.
+struct SideBySideParameters {
+  std::array<std::string, 2> calibrations;  // left, right
+  std::array<std::string, 2> frame_ids;
+  bool swap = false;
+  std::string image_transport = "raw";
+};
+
+/// Throws std::runtime_error with all names and types that are wrong.
+SideBySideParameters readParameters(const ros::NodeHandle& private_nh) {
+  ParameterTree tree(readPrivateParameters(private_nh));
+  SideBySideParameters p;
+  tree("left_calibration", p.calibrations[0]);
+  tree("right_calibration", p.calibrations[1]);
+  tree("left_frame_id", p.frame_ids[0]);
+  tree("right_frame_id", p.frame_ids[1]);
+  tree("swap", p.swap);
+  tree("image_transport", p.image_transport);
+  requireNoParameterErrors(tree.errors());
+  return p;
+}
 
 }  // namespace
 
@@ -33,19 +56,20 @@ void SideBySideNodelet::start() {
   ros::NodeHandle& nh = getNodeHandle();
   ros::NodeHandle& own = getPrivateNodeHandle();
   image_transport::ImageTransport transport(nh);
-  own.param("swap", swap_, false);
+  const SideBySideParameters parameters = readParameters(own);
+  swap_ = parameters.swap;
   const std::array<std::string, 2> names{"left", "right"};
   for (std::size_t i = 0; i < names.size(); ++i) {
     Side& side = sides_[i];
-    const std::string file = own.param<std::string>(names[i] + "_calibration", "");
-    side.frame = own.param<std::string>(names[i] + "_frame_id", "");
+    const std::string& file = parameters.calibrations[i];
+    side.frame = parameters.frame_ids[i];
     side.images = transport.advertise(names[i] + "/image_raw", kQueueSize);
     if (file.empty()) continue;
     side.info = toCameraInfo(readCameraInfo(file), {});
     side.infos = nh.advertise<sensor_msgs::CameraInfo>(names[i] + "/camera_info", kQueueSize);
   }
-  const image_transport::TransportHints hints(own.param<std::string>("image_transport", "raw"),
-                                              ros::TransportHints(), own);
+  const image_transport::TransportHints hints(parameters.image_transport, ros::TransportHints(),
+                                              own);
   subscriber_ = transport.subscribe(nameForTransport(nh, "image_raw", hints.getTransport()),
                                     kQueueSize, &SideBySideNodelet::take, this, hints);
 }

@@ -23,4 +23,8 @@ struct SourceFacts {
   bool trusted = true;             ///< see PriorTrust
 };
 
+/// Why frames have nothing of a source, with a hint; empty if they have. \param name of its
+/// samples, as "imu samples".
+std::string faultOf(const std::string& name, const SourceFacts& source);
+
 }  // namespace point_line_odometry

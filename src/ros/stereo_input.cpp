@@ -293,7 +293,9 @@ std::string StereoInput::explainTimeout() const {
     text << "the camera has stopped publishing, or the bag is paused or has ended";
   } else if (rejected_since_set_ >= kFewMessages) {
     text << rejected_since_set_ << " messages were rejected for their stamps, the last on "
-         << last_rejection_ << ": let the driver stamp them with the time of exposure";
+         << last_rejection_
+         << ": let the driver stamp them with the time of exposure, and see that "
+         << "use_sim_time is not set without a /clock";
   } else if (parameters_.approximate_sync) {
     text << "stamps of left and right differ by " << skew_s
          << " s: raise approximate_sync_max_interval_s above the difference of a pair, and check "

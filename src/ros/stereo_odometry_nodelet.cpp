@@ -10,6 +10,7 @@
 #include "ros/conversions.h"
 #include "ros/parameter_loader.h"
 #include "ros/remapped_names.h"
+#include "ros/tf_parents.h"
 
 namespace point_line_odometry {
 namespace {
@@ -24,6 +25,11 @@ ros::WallDuration diagnosticsPeriod(const ros::NodeHandle& private_nh) {
   const double period_s = private_nh.param("diagnostic_period", 1.0);
   if (!std::isfinite(period_s)) return ros::WallDuration(1.0);
   return ros::WallDuration(std::clamp(period_s, kShortest_s, kLongest_s));
+}
+
+const char* hintFor(TrackingReason reason) {
+  if (reason != TrackingReason::kStampNotNewer) return "";
+  return "; two publishers of one topic, or stamps that have jumped back: see on_time_jump";
 }
 
 bool expectsMasks(const NodeParameters& parameters) {
@@ -135,7 +141,11 @@ bool StereoOdometryNodelet::reset(Trigger::Request&, Trigger::Response& response
 bool StereoOdometryNodelet::resetToPose(ResetToPose::Request& request,
                                         ResetToPose::Response& response) {
   try {
-    requestPose(toIsometry(request.pose));
+    const Eigen::Isometry3d T_odom_base = toIsometry(request.pose);
+    constexpr double kFarthest_m = 1e6;  // as initial_pose
+    if (T_odom_base.translation().cwiseAbs().maxCoeff() > kFarthest_m)
+      throw MessageError("the position is farther than 1000 km from the origin");
+    requestPose(T_odom_base);
     response.success = true;
     response.message = "the next frame is the first one, at the given pose";
   } catch (const MessageError& error) {
@@ -218,7 +228,8 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   }
   if (!frame.result.accepted()) {
     if (log_throttle_.passes("frame dropped")) {
-      NODELET_WARN("frame dropped: %s", toString(frame.result.reason));
+      NODELET_WARN("frame dropped: %s%s", toString(frame.result.reason),
+                   hintFor(frame.result.reason));
     }
   }
   const double latency_ms = latencyMs(frame.header.stamp, ros::Time::now());
@@ -263,7 +274,8 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
     const std::string text =
         "no transform from " + parameters_.base_frame_id + " to " +
         (camera.empty() ? "the camera, the left image's frame_id is empty" : camera) +
-        "; publish it with static_transform_publisher or set base_frame_id to the camera's frame";
+        "; publish it with static_transform_publisher or set base_frame_id to " +
+        (camera.empty() ? "the camera's frame" : topmostFrame(tf_buffer_, camera));
     diagnostics_->noteWaitingForTransform(text);
     if (log_throttle_.passes("frames wait")) {
       NODELET_WARN("frames wait: %s (%s)", text.c_str(), error.what());

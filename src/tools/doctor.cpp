@@ -7,6 +7,7 @@
 #include <ros/callback_queue.h>
 #include <ros/init.h>
 #include <ros/master.h>
+#include <ros/service.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
@@ -23,6 +24,7 @@
 #include "ros/remapped_names.h"
 #include "ros/sample_input.h"
 #include "ros/stereo_subscriber.h"
+#include "ros/tf_parents.h"
 #include "tools/command_line.h"
 #include "tools/doctor_bag.h"
 #include "tools/doctor_pairs.h"
@@ -99,6 +101,17 @@ void addImu(ImuCheckFacts imu, const AllParameters& parameters, const tf2::Buffe
   facts->imu = std::move(imu);
 }
 
+/// Without the odometry itself, if it runs: its name is that of its nodelet manager.
+std::vector<TfParents::Source> othersThan(const NodeParameters& parameters, bool runs,
+                                          std::vector<TfParents::Source> sources) {
+  const std::string& own_parent =
+      parameters.invert_tf ? parameters.base_frame_id : parameters.odom_frame_id;
+  const auto own = std::find_if(sources.begin(), sources.end(),
+                                [&](const auto& source) { return source.parent == own_parent; });
+  if (runs && own != sources.end()) sources.erase(own);
+  return sources;
+}
+
 void spinFor(double seconds) {
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
   while (ros::WallTime::now() < end && ros::ok()) {
@@ -115,9 +128,16 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
   const ros::NodeHandle node(ros::NodeHandle(options.name_space), options.node);
   AllParameters parameters = loadNodeParameters(node);
   const ros::NodeHandle nh(options.name_space, loadRemappings(node));
+  const bool runs = ros::service::exists(node.resolveName("reset"), false);
+  if (!runs && node.hasParam("")) {
+    std::cerr << "doctor: " << node.getNamespace()
+              << " does not run; its last parameters and topics are used ('rosparam delete "
+              << node.getNamespace() << "' for the defaults)\n";
+  }
   applyOptions(options, values, &parameters.node);
   tf2_ros::Buffer tf;
   const tf2_ros::TransformListener listener(tf, nh);
+  const TfParents tf_parents(nh, childFrameOfOdometry(parameters.node));
   DoctorChecks checks(parameters.node);
   DoctorPairs pairs(kSets);
   ImuCheckFacts imu;
@@ -131,10 +151,12 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
                                     });
   spinFor(options.seconds);
   watching = false;
+  const InputFacts input = subscriber.facts();  // before anything that takes time
   if (!mask_subscribers.empty()) spinFor(parameters.node.mask_wait_s);
   pairs.addMasks(&masks);
   pairs.measure(&checks);
-  DoctorFacts facts = checks.facts(subscriber.facts(), tf);
+  DoctorFacts facts = checks.facts(input, tf);
+  facts.other_parents = othersThan(parameters.node, runs, tf_parents.sources());
   if (imu_subscriber) addImu(imu, parameters, tf, &facts);
   facts.image_topics = publishedImageTopics();
   facts.clock_missing = isClockMissing();
