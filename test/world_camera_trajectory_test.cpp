@@ -77,23 +77,6 @@ TEST(CameraTrajectory, SpeedAndItsChangeAreBounded) {
   EXPECT_NEAR(fastest, 10.0, 0.01);
 }
 
-/// As an accelerometer measures it: no jump of the speed anywhere, which would be 0.4 m/s^2 over a
-/// thousandth of a second for each 4e-4 m/s.
-TEST(CameraTrajectory, AccelerationHasNoSpikes) {
-  const CameraTrajectory trajectory = square();
-  constexpr double kStep = 1e-3;
-  const auto position = [&](double time_s) -> Vector3d {
-    return trajectory.cameraPose(time_s, 1.0, 0.0).translation();
-  };
-  double largest = 0.0;
-  for (double t = 0.01; t < 40.0; t += kStep) {
-    const Vector3d acceleration =
-        (position(t + kStep) - 2.0 * position(t) + position(t - kStep)) / (kStep * kStep);
-    largest = std::max(largest, acceleration.norm());
-  }
-  EXPECT_LT(largest, 1.2 * std::hypot(2.5, 1.5));
-}
-
 TEST(CameraTrajectory, CurvesAreDrivenAtTheLateralAcceleration) {
   const CameraTrajectory trajectory = square();
   for (double t = 0.5; t < 60.0; t += 0.1) {

@@ -108,9 +108,7 @@ void CameraTrajectory::measure() {
     const double from = static_cast<double>(i) * kStep;
     const double mean = (speed(from) + 4.0 * speed(from + 0.5 * kStep) + speed(from + kStep)) / 6.0;
     knots_[i + 1].arc_m = knots_[i].arc_m + mean * kStep;
-    knots_[i].arc_by_parameter_m = speed(from);
   }
-  knots_.back().arc_by_parameter_m = knots_.front().arc_by_parameter_m;
   length_m_ = knots_.back().arc_m;
 }
 
@@ -158,21 +156,13 @@ double CameraTrajectory::travelled_m(double time_s, double speed) const {
          0.5 * acceleration * since * since;
 }
 
-/// By a cubic polynomial with the derivatives of the knots (Hermite): with a linear one the speed
-/// would jump at each knot, and an accelerometer show it.
 double CameraTrajectory::parameterAt(double arc_m) const {
   const double arc = arc_m - length_m_ * std::floor(arc_m / length_m_);
   const auto after = std::upper_bound(knots_.begin() + 1, knots_.end() - 1, arc,
                                       [](double a, const Knot& knot) { return a < knot.arc_m; });
   const Knot& from = *(after - 1);
-  const double length = after->arc_m - from.arc_m;
-  const double share = (arc - from.arc_m) / length;
-  const double slope_from = kStepsPerControl * length / from.arc_by_parameter_m;
-  const double slope_to = kStepsPerControl * length / after->arc_by_parameter_m;
-  const double rest = 1.0 - share;
-  const double of_step =
-      share * share * (3.0 - 2.0 * share) + share * rest * (rest * slope_from - share * slope_to);
-  return (static_cast<double>(after - 1 - knots_.begin()) + of_step) / kStepsPerControl;
+  const double share = (arc - from.arc_m) / (after->arc_m - from.arc_m);
+  return (static_cast<double>(after - 1 - knots_.begin()) + share) / kStepsPerControl;
 }
 
 Eigen::Isometry3d CameraTrajectory::at(double arc_m) const {

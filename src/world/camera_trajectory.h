@@ -46,7 +46,6 @@ class CameraTrajectory {
     double arc_m = 0.0;
     double time_s = 0.0;
     double speed_m_s = 0.0;
-    double arc_by_parameter_m = 0.0;  // derivative of the arc length by the spline's parameter
   };
   struct SplinePoint {
     Eigen::Vector3d position;
