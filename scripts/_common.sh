@@ -12,7 +12,8 @@ script_workspace() {
   while [[ $folder == */*/* ]]; do
     folder=${folder%/*}
     [[ ${folder##*/} == src ]] || continue
-    if [[ -e $folder/CMakeLists.txt || -e ${folder%/*}/.catkin_workspace || -e ${folder%/*}/.catkin_tools ]]; then
+    if [[ -e ${folder%/*}/.catkin_workspace || -e ${folder%/*}/.catkin_tools ]] ||
+      grep -qs catkin "$folder/CMakeLists.txt"; then
       echo "${folder%/*}/.$package"
       return
     fi

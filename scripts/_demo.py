@@ -14,10 +14,12 @@ import tempfile
 import time
 from typing import Any, Callable, Dict, List, NoReturn, Optional
 
+from _workspace import script_workspace
+
 # Only the standard library here: the rest is installed by this script.
 
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-WORKSPACE = os.environ.get('POINT_LINE_ODOMETRY_WORKSPACE', os.path.join(REPOSITORY, '.workspace'))
+WORKSPACE = script_workspace()
 END_SIGNALS = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 FRAMES = {'street': 250, 'indoor': 250, 'corridor': 400}
 EXCERPT_LINES = 15

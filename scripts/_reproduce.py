@@ -31,6 +31,7 @@ from _sequences import (LAYOUTS, METHODS, REPORT_FILES, RESULT_FILES, RESULT_MAR
                         InputError, Sequence, Task, count_frames, find_ground_truth, fingerprint,
                         is_whole, layout_of, load_figures, program_fingerprint, read_json,
                         result_folder, write_text)
+from _workspace import script_workspace
 
 REPOSITORY = os.path.dirname(SCRIPTS)
 SEARCH_DEPTH = 3
@@ -198,8 +199,7 @@ def check_parallel() -> None:
 
 def prepare_programs(options: argparse.Namespace) -> str:
     """Builds the package unless told not to; the folder of its programs."""
-    built = os.path.join(os.environ['POINT_LINE_ODOMETRY_WORKSPACE'], 'devel', 'lib',
-                         'point_line_odometry')
+    built = os.path.join(script_workspace(), 'devel', 'lib', 'point_line_odometry')
     if options.no_build:
         return os.path.abspath(os.environ.get('POINT_LINE_ODOMETRY_BIN', built))
     if subprocess.run([os.path.join(SCRIPTS, 'build')]).returncode != 0:

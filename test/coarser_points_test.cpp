@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "common/cell_grid.h"
 #include "features/stereo_feature_detector.h"
 #include "matching/frame_matcher.h"
 #include "odometry/correspondences.h"
@@ -14,6 +15,14 @@
 
 namespace point_line_odometry {
 namespace {
+
+TEST(CellGrid, HasNoCellsWithoutPixels) {
+  EXPECT_EQ(CellGrid<int>(800, 600, 50).cells().size(), 16U * 12U);
+  EXPECT_EQ(CellGrid<int>(801, 601, 50).cells().size(), 17U * 13U);
+  CellGrid<int> grid(800, 600, 50);
+  grid.at({799.4F, 599.4F}) = 1;
+  EXPECT_EQ(grid.cells().back(), 1);
+}
 
 using Eigen::Vector2f;
 

@@ -459,41 +459,51 @@ TEST(DoctorReportTest, AFrameBelowAnotherIsNoBase) {
   tf2::BufferCore& tf = camera.tf_;
   camera.addTransform("base_link", "camera_link");
   camera.addTransform("camera_link", "optical_frame");
-  EXPECT_EQ(topmostFrame(tf, "optical_frame"), "base_link");
-  EXPECT_EQ(topmostFrame(tf, "unknown"), "unknown");
+  EXPECT_EQ(topmostFrame(tf, "optical_frame", "odom"), "base_link");
+  EXPECT_EQ(topmostFrame(tf, "unknown", "odom"), "unknown");
+  camera.addTransform("visual_odom", "base_link");
+  camera.addTransform("map", "visual_odom");
+  EXPECT_EQ(topmostFrame(tf, "optical_frame", "visual_odom"), "base_link");
+  camera.addTransform("map", "base_link");
+  EXPECT_EQ(topmostFrame(tf, "optical_frame", "visual_odom"), "base_link");
   camera.parameters_.base_frame_id = "base_footprint";
   expectLine(camera.watch(), Subject::kMounting, Level::kError,
              "no transform from base_footprint to optical_frame",
              "from base_footprint to base_link, or set base_frame_id to base_link");
   camera.parameters_.base_frame_id = "optical_frame";
   DoctorFacts facts = camera.watch();
-  facts.other_parents = {{"/robot_state_publisher", "camera_link"}};
+  addOtherParents({{"/robot_state_publisher", "camera_link"}}, tf, &facts);
   expectLine(facts, Subject::kMounting, Level::kError,
              "/robot_state_publisher publishes the pose of optical_frame in camera_link",
              "set base_frame_id to the topmost frame of the robot, base_link");
-  facts.other_parents = {{"/wheels", "odom"}};
-  expectLine(facts, Subject::kMounting, Level::kError, "/wheels publishes", "publish_tf: false");
+  facts.odometry_runs = false;
+  addOtherParents({{"/wheels", "odom"}}, tf, &facts);
+  expectLine(facts, Subject::kMounting, Level::kWarn, "/wheels publishes", "publish_tf: false");
 }
 
 TEST(DoctorReportTest, TellsWhatTheOdometryPublishesOnTf) {
+  const auto text = [](const NodeParameters& parameters) {
+    const std::optional<TfEdge> edge = transformOfOdometry(parameters);
+    return edge ? edge->parent + " -> " + edge->child : "nothing";
+  };
   NodeParameters parameters;
-  EXPECT_EQ(childFrameOfOdometry(parameters), "base_link");
+  EXPECT_EQ(text(parameters), "odom -> base_link");
   parameters.guess_frame_id = "wheel_odom";
-  EXPECT_EQ(childFrameOfOdometry(parameters), "wheel_odom");
+  EXPECT_EQ(text(parameters), "odom -> wheel_odom");
   parameters.invert_tf = true;
-  EXPECT_EQ(childFrameOfOdometry(parameters), "odom");
+  EXPECT_EQ(text(parameters), "wheel_odom -> odom");
   parameters.publish_tf = false;
-  EXPECT_EQ(childFrameOfOdometry(parameters), "");
+  EXPECT_EQ(text(parameters), "nothing");
 }
 
 /// Configured, but absent.
 TEST(DoctorReportTest, NamesSourcesOfWhichFramesHaveNothing) {
   DoctorFacts facts = Camera().watch();
   SourceFacts source;
-  source.timeout = "nothing arrives on /imu: start the IMU's driver";
+  source.timeout = "no sample on /imu for a second: start what publishes it, or remap imu";
   facts.imu_source = facts.wheels_source = source;
-  expectLine(facts, Subject::kImu, Level::kWarn, "nothing arrives on /imu", "driver");
-  expectLine(facts, Subject::kWheels, Level::kWarn, "nothing arrives on /imu", "driver");
+  expectLine(facts, Subject::kImu, Level::kWarn, "no sample on /imu", "remap imu");
+  expectLine(facts, Subject::kWheels, Level::kWarn, "no sample on /imu", "remap imu");
   facts.imu_source->counts = {200, 0, true};
   expectLine(facts, Subject::kImu, Level::kOk, "200 imu samples");
   facts.imu_source->frames_without = SourceFacts::kManyFrames;

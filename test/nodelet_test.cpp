@@ -313,8 +313,11 @@ TEST_F(NodeletTest, ResetsOnlyOnRequest) {
   ResetToPose service;
   EXPECT_TRUE(call("/stereo/odometry/reset_to_pose", &service));
   EXPECT_FALSE(service.response.success) << "a quaternion of zeros is not an orientation";
-  service.request.pose.position.x = 7.0;
   service.request.pose.orientation.z = 1.0;  // looking back
+  service.request.pose.position.x = 1e300;
+  ASSERT_TRUE(call("/stereo/odometry/reset_to_pose", &service));
+  EXPECT_FALSE(service.response.success) << "no robot is there";
+  service.request.pose.position.x = 7.0;
   ASSERT_TRUE(call("/stereo/odometry/reset_to_pose", &service));
   EXPECT_TRUE(service.response.success) << service.response.message;
   expectPosition(drive(6, 7), 7.0, 0.0, 1e-9);

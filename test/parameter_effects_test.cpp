@@ -306,7 +306,7 @@ const std::vector<Case>& cases() {
       {"motion/huber_delta", [](P p) { p->motion.huber_delta = 0.5; }, drive, frameToFrame},
       {"motion/remove_outliers", [](P p) { p->motion.remove_outliers = false; }, drive,
        withoutFusion},
-      {"motion/outlier_threshold", [](P p) { p->motion.outlier_threshold = 2.0; }, drive,
+      {"motion/outlier_threshold", [](P p) { p->motion.outlier_threshold = 1.0; }, drive,
        frameToFrame},
       {"motion/solve_near_prediction", [](P p) { p->motion.solve_near_prediction = false; },
        passing, frameToFrame},

@@ -115,6 +115,21 @@ class LiveTest(SystemTest, ReportChecks):
         self.check_live({"tf": ("ERROR", "no transform from robot to left_camera")},
                      "--base-frame", "robot")
 
+    def test_another_publisher_of_the_same_frame(self):
+        """As wheel odometry does; before the odometry runs, and by its node."""
+        message = ("{transforms: [{header: {frame_id: odom}, child_frame_id: base_link, "
+                   "transform: {rotation: {w: 1.0}}}]}")
+        wheels = self.system.start(["rostopic", "pub", "-r", "20", "/tf", "tf2_msgs/TFMessage",
+                                    message, "__name:=wheels"], "wheels")
+        self.addCleanup(self.system.end, wheels)
+        time.sleep(1.0)
+        words = "wheels publishes the pose of base_link in odom"
+        self.check_live({"tf": ("WARN", words, "publish_tf: false")})
+        _, reports, _ = self.run_node()
+        line = reports[-1].status[SUBJECTS_OF_NODE.index("tf")]
+        self.assertEqual(line.level, 2, line)
+        self.assertIn(words, line.message)
+
     def test_nodelet_reports_that_all_is_well(self):
         log, reports, diagnostics = self.run_node()
         self.assertEqual(log.count("s after the start"), len(reports))

@@ -70,7 +70,7 @@ class WorkspaceTest(unittest.TestCase):
         os.makedirs(repository)
         self.assertEqual(self.script_workspace(repository), os.path.join(repository, ".workspace"))
         for mark in (".catkin_workspace", ".catkin_tools", os.path.join("src", "CMakeLists.txt")):
-            write(self.path(mark), "")
+            write(self.path(mark), "find_package(catkin)")
             self.assertEqual(self.script_workspace(repository), self.path("." + PACKAGE), mark)
             os.remove(self.path(mark))
 

@@ -14,8 +14,8 @@ REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 # Packages of ROS Noetic that this one uses; their names are keys.
 NOETIC = """catkin compressed_image_transport cv_bridge diagnostic_msgs diagnostic_updater
 dynamic_reconfigure geometry_msgs image_geometry image_proc image_transport message_filters
-message_generation message_runtime nav_msgs nodelet pluginlib rosbag roscpp rosgraph_msgs rospy
-rostest rosunit rviz sensor_msgs std_msgs std_srvs tf2 tf2_eigen tf2_msgs tf2_ros
+message_generation message_runtime nav_msgs nodelet pluginlib rosbag rosbash roscpp rosgraph_msgs
+roslaunch rospy rostest rosunit rviz sensor_msgs std_msgs std_srvs tf2 tf2_eigen tf2_msgs tf2_ros
 visualization_msgs""".split()
 # Keys of rosdep/base.yaml and rosdep/python.yaml that are defined for Ubuntu 20.04, with its package.
 ROSDEP = {"benchmark": "libbenchmark-dev", "boost": "libboost-all-dev", "eigen": "libeigen3-dev",

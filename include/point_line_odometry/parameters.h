@@ -252,7 +252,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "whitened residuals whose norm is beyond it count linearly (paper, eq. 8)");
   visit("motion/remove_outliers", p.motion.remove_outliers,
         "solve again without the outliers; false: once with all matches (paper, eq. 7)");
-  visit("motion/outlier_threshold", p.motion.outlier_threshold, 2.0, 100.0, "sigma",
+  visit("motion/outlier_threshold", p.motion.outlier_threshold, 1.0, 100.0, "sigma",
         "matches are outliers whose whitened residual has a larger root mean square");
   visit("motion/solve_near_prediction", p.motion.solve_near_prediction,
         "where the motion of the majority of matches is implausible for a camera, solve with the "

@@ -34,8 +34,8 @@ Doctor::Doctor(ros::NodeHandle nh, const NodeParameters& parameters, const std::
       sources_(sources),
       start_(ros::WallTime::now()),
       publisher_(nh.advertise<diagnostic_msgs::DiagnosticArray>("doctor", 1, true)),
+      tf_parents_(nh, transformOfOdometry(parameters)),
       checks_(parameters),
-      tf_parents_(nh, childFrameOfOdometry(parameters)),
       thread_(&Doctor::work, this) {}
 
 Doctor::~Doctor() {
@@ -89,10 +89,7 @@ void Doctor::checkAndReport() {
   facts.masks = sources_.diagnostics->masks();
   facts.imu_source = sources_.diagnostics->imu();
   facts.wheels_source = sources_.diagnostics->wheels();
-  for (TfParents::Source& source : tf_parents_.sources()) {
-    if (source.publisher != ros::this_node::getName())
-      facts.other_parents.push_back(std::move(source));
-  }
+  addOtherParents(tf_parents_.othersThan(ros::this_node::getName()), *sources_.tf, &facts);
   const std::vector<DoctorLine> lines = checkInput(facts);
   sources_.diagnostics->noteCheck(lines);
   if (!schedule_.due(age, lines)) return;

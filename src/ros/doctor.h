@@ -60,10 +60,10 @@ class Doctor {
   const Sources sources_;
   const ros::WallTime start_;
   ros::Publisher publisher_;
+  const TfParents tf_parents_;
 
   // Used by the thread only.
   DoctorChecks checks_;
-  const TfParents tf_parents_;
   ReportSchedule schedule_;
   StereoMessages last_measured_;
   int num_measured_ = 0;

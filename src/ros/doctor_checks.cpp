@@ -207,8 +207,16 @@ DoctorFacts DoctorChecks::facts(const InputFacts& input, const tf2::BufferCore& 
   if (!input.latest.left) return facts;
   facts.camera_frame = withoutLeadingSlash(input.latest.left->header.frame_id);
   facts.T_base_camera = findMounting(facts.camera_frame, tf);
-  facts.topmost_frame = topmostFrame(tf, facts.camera_frame);
+  facts.topmost_frame = topmostFrame(tf, facts.camera_frame, parameters_.odom_frame_id);
   return facts;
+}
+
+void addOtherParents(const std::vector<TfParents::Source>& others, const tf2::BufferCore& tf,
+                     DoctorFacts* facts) {
+  facts->other_parents = others;
+  if (others.empty()) return;
+  facts->topmost_of_other =
+      topmostFrame(tf, others.front().parent, facts->parameters.odom_frame_id);
 }
 
 std::optional<Eigen::Isometry3d> DoctorChecks::findMounting(const std::string& camera_frame,

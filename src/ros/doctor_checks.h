@@ -8,6 +8,7 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "dataset/mask_file.h"
 #include "matching/pair_check.h"
@@ -59,7 +60,8 @@ class DoctorChecks {
   void follow(const StereoMessages& set);
 
   /// \param tf looked up for the camera's mounting. Left for the caller: image_topics, from_bag,
-  /// clock_missing, frame_ms, masks, imu, imu_source, wheels_source, other_parents.
+  /// clock_missing, frame_ms, masks, imu, imu_source, wheels_source, odometry_runs,
+  /// addOtherParents().
   DoctorFacts facts(const InputFacts& input, const tf2::BufferCore& tf);
 
  private:
@@ -89,5 +91,9 @@ class DoctorChecks {
   std::optional<std::optional<int>> seam_;  // of the pairs measured so far
   std::optional<SequenceCheck> sequence_;
 };
+
+/// \param others who publish what the odometry does on tf; see TfParents.
+void addOtherParents(const std::vector<TfParents::Source>& others, const tf2::BufferCore& tf,
+                     DoctorFacts* facts);
 
 }  // namespace point_line_odometry

@@ -64,7 +64,9 @@ struct DoctorFacts {
   std::string camera_frame;  ///< of the left image's header
   std::optional<Eigen::Isometry3d> T_base_camera;
   std::string topmost_frame;  ///< that tf has the camera's frame below; itself if tf has none
+  bool odometry_runs = true;  ///< false: it is not known to publish on tf
   std::vector<TfParents::Source> other_parents;  ///< who else publishes what the odometry does
+  std::string topmost_of_other;  ///< topmostFrame() of the parent in the first of these
 
   std::optional<MaskFacts> masks;  ///< nothing: no frame processed yet
   std::string mask_fault;          ///< of the files, with a hint; empty if there is none

@@ -1,6 +1,7 @@
 #include "ros/doctor_rules.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "ros/doctor_camera.h"
@@ -36,19 +37,18 @@ std::string hintForMounting(const DoctorFacts& facts) {
 }
 
 /// A frame that the odometry publishes, and another node, too.
-DoctorLine conflictLine(const DoctorFacts& facts) {
+DoctorLine conflictLine(const DoctorFacts& facts, const TfEdge& own) {
   const TfParents::Source& other = facts.other_parents.front();
-  const std::string child = childFrameOfOdometry(facts.parameters);
   std::string hint =
-      "a frame of tf has one parent and one publisher: let one of them not publish "
+      "a frame of tf has one parent and one publisher: let one of the two not publish "
       "it (publish_tf: false)";
-  if (other.parent != facts.parameters.odom_frame_id && facts.topmost_frame != child)
-    hint += ", or set base_frame_id to the topmost frame of the robot, " + facts.topmost_frame;
-  return failureLine(Subject::kMounting, Level::kError,
-                     other.publisher + " publishes the pose of " + child + " in " + other.parent +
-                         ", as this odometry does in " +
-                         (facts.parameters.invert_tf ? facts.parameters.base_frame_id
-                                                     : facts.parameters.odom_frame_id),
+  if (own.child == facts.parameters.base_frame_id && other.parent != own.parent) {
+    hint += ", set base_frame_id to the topmost frame of the robot, " + facts.topmost_of_other +
+            ", or invert_tf to true";
+  }
+  return failureLine(Subject::kMounting, facts.odometry_runs ? Level::kError : Level::kWarn,
+                     other.publisher + " publishes the pose of " + own.child + " in " +
+                         other.parent + ", as this odometry does in " + own.parent,
                      hint);
 }
 
@@ -60,7 +60,8 @@ DoctorLine checkMounting(const DoctorFacts& facts) {
     return failureLine(Subject::kMounting, Level::kError, "frame_id of the left images is empty",
                        "set it in the driver to the camera's optical frame");
   }
-  if (!facts.other_parents.empty()) return conflictLine(facts);
+  const std::optional<TfEdge> own = transformOfOdometry(facts.parameters);
+  if (own && !facts.other_parents.empty()) return conflictLine(facts, *own);
   if (camera == base) return okLine(Subject::kMounting, "pose of the camera itself, " + camera);
   if (!facts.T_base_camera) {
     return failureLine(Subject::kMounting, facts.from_bag ? Level::kWarn : Level::kError,

@@ -115,14 +115,18 @@ void PriorInputs::warnIfSilent(bool alive, const std::string& timeout, Sensor* s
 }
 
 std::string PriorInputs::imuTimeout() const {
-  return "no sample on " + nh_.resolveName("imu") + " for a second";
+  return "no sample on " + nh_.resolveName("imu") +
+         " for a second: start what publishes it, or remap imu";
 }
 
 std::string PriorInputs::wheelTimeout() const {
-  if (!guess_) return "no pose by wheels on " + nh_.resolveName("prior_odom") + " for a second";
+  if (!guess_) {
+    return "no pose by wheels on " + nh_.resolveName("prior_odom") +
+           " for a second: start what publishes it, or remap prior_odom";
+  }
   return "tf has no " + parameters_.guess_frame_id + " -> " + parameters_.base_frame_id +
-         " at the images' stamps (guess_frame_id); until then there is none from " +
-         parameters_.odom_frame_id + " either";
+         " at the images' stamps, and so none from " + parameters_.odom_frame_id +
+         ": start what publishes it, or correct guess_frame_id";
 }
 
 /// Of a topic.

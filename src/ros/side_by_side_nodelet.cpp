@@ -35,6 +35,7 @@ SideBySideParameters readParameters(const ros::NodeHandle& private_nh) {
   tree("right_frame_id", p.frame_ids[1]);
   tree("swap", p.swap);
   tree("image_transport", p.image_transport);
+  tree.ignoreSection(p.image_transport);  // the transport's own
   requireNoParameterErrors(tree.errors());
   return p;
 }

@@ -275,7 +275,8 @@ bool StereoOdometryNodelet::knowsMounting(const StereoMessages& messages) {
         "no transform from " + parameters_.base_frame_id + " to " +
         (camera.empty() ? "the camera, the left image's frame_id is empty" : camera) +
         "; publish it with static_transform_publisher or set base_frame_id to " +
-        (camera.empty() ? "the camera's frame" : topmostFrame(tf_buffer_, camera));
+        (camera.empty() ? "the camera's frame"
+                        : topmostFrame(tf_buffer_, camera, parameters_.odom_frame_id));
     diagnostics_->noteWaitingForTransform(text);
     if (log_throttle_.passes("frames wait")) {
       NODELET_WARN("frames wait: %s (%s)", text.c_str(), error.what());

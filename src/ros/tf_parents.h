@@ -7,8 +7,9 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <array>
+#include <map>
 #include <mutex>
-#include <set>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,18 +17,28 @@
 
 namespace point_line_odometry {
 
-/// The frame whose pose the odometry publishes on tf; empty if it publishes none.
-std::string childFrameOfOdometry(const NodeParameters& parameters);
+/// A transform of tf, by its frames.
+struct TfEdge {
+  std::string parent;
+  std::string child;
+};
 
-/// The frame above all others that a frame hangs below in tf: the frame itself if tf knows none.
-std::string topmostFrame(const tf2::BufferCore& tf, const std::string& frame);
+/// What the odometry publishes on tf; nothing if publish_tf is false.
+std::optional<TfEdge> transformOfOdometry(const NodeParameters& parameters);
 
-/// Who publishes the pose of a frame on /tf and /tf_static: a frame has one parent in tf, and one
-/// publisher, else its pose changes with each message. Bounded. Thread-safe.
+/// The topmost frame of the robot that a frame hangs below in tf: the frame itself if tf has none.
+/// Odometries, maps and the world (REP 105) are not of the robot. \param odom frame of this
+/// odometry.
+std::string topmostFrame(const tf2::BufferCore& tf, const std::string& frame,
+                         const std::string& odom);
+
+/// Who publishes the pose of a frame on /tf, within the last seconds, and on /tf_static: a frame
+/// has one parent in tf, and one publisher, else its pose changes with each message. Bounded.
+/// Thread-safe.
 class TfParents {
  public:
   struct Source {
-    std::string publisher;  ///< name of the node
+    std::string publisher;  ///< name of the node, of a nodelet that of its manager
     std::string parent;
 
     bool operator<(const Source& other) const {
@@ -35,18 +46,19 @@ class TfParents {
     }
   };
 
-  /// \param child frame, or empty: nothing is subscribed to.
-  TfParents(ros::NodeHandle nh, std::string child);
+  /// \param own the odometry's transform; nothing is subscribed to without.
+  TfParents(ros::NodeHandle nh, std::optional<TfEdge> own);
 
-  /// All so far.
-  std::vector<Source> sources() const;
+  /// Without the odometry itself. \param node in which it runs: of another nodelet of the same
+  /// manager nothing but another parent tells.
+  std::vector<Source> othersThan(const std::string& node) const;
 
  private:
-  void take(const ros::MessageEvent<const tf2_msgs::TFMessage>& event);
+  void take(const ros::MessageEvent<const tf2_msgs::TFMessage>& event, bool latched);
 
-  const std::string child_;
+  const std::optional<TfEdge> own_;
   mutable std::mutex mutex_;
-  std::set<Source> sources_;
+  std::map<Source, double> valid_until_s_;      // wall time
   std::array<ros::Subscriber, 2> subscribers_;  // the last member: callbacks use the others
 };
 

@@ -7,9 +7,10 @@
 #include <ros/callback_queue.h>
 #include <ros/init.h>
 #include <ros/master.h>
-#include <ros/service.h>
+#include <ros/this_node.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
+#include <xmlrpcpp/XmlRpcValue.h>
 
 #include <algorithm>
 #include <iostream>
@@ -101,15 +102,19 @@ void addImu(ImuCheckFacts imu, const AllParameters& parameters, const tf2::Buffe
   facts->imu = std::move(imu);
 }
 
-/// Without the odometry itself, if it runs: its name is that of its nodelet manager.
-std::vector<TfParents::Source> othersThan(const NodeParameters& parameters, bool runs,
-                                          std::vector<TfParents::Source> sources) {
-  const std::string& own_parent =
-      parameters.invert_tf ? parameters.base_frame_id : parameters.odom_frame_id;
-  const auto own = std::find_if(sources.begin(), sources.end(),
-                                [&](const auto& source) { return source.parent == own_parent; });
-  if (runs && own != sources.end()) sources.erase(own);
-  return sources;
+/// Name of the node that offers a service, as the master knows it; empty if none does.
+std::string providerOf(const std::string& service) {
+  XmlRpc::XmlRpcValue arguments;
+  XmlRpc::XmlRpcValue response;
+  XmlRpc::XmlRpcValue state;
+  arguments[0] = ros::this_node::getName();
+  if (!ros::master::execute("getSystemState", arguments, response, state, false)) return "";
+  XmlRpc::XmlRpcValue& services = state[2];
+  for (int i = 0; i < services.size(); ++i) {
+    const std::string name = services[i][0];
+    if (name == service && services[i][1].size() > 0) return services[i][1][0];
+  }
+  return "";
 }
 
 void spinFor(double seconds) {
@@ -128,8 +133,8 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
   const ros::NodeHandle node(ros::NodeHandle(options.name_space), options.node);
   AllParameters parameters = loadNodeParameters(node);
   const ros::NodeHandle nh(options.name_space, loadRemappings(node));
-  const bool runs = ros::service::exists(node.resolveName("reset"), false);
-  if (!runs && node.hasParam("")) {
+  const std::string odometry = providerOf(node.resolveName("reset"));
+  if (odometry.empty() && node.hasParam("")) {
     std::cerr << "doctor: " << node.getNamespace()
               << " does not run; its last parameters and topics are used ('rosparam delete "
               << node.getNamespace() << "' for the defaults)\n";
@@ -137,7 +142,7 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
   applyOptions(options, values, &parameters.node);
   tf2_ros::Buffer tf;
   const tf2_ros::TransformListener listener(tf, nh);
-  const TfParents tf_parents(nh, childFrameOfOdometry(parameters.node));
+  const TfParents tf_parents(nh, transformOfOdometry(parameters.node));
   DoctorChecks checks(parameters.node);
   DoctorPairs pairs(kSets);
   ImuCheckFacts imu;
@@ -156,7 +161,8 @@ std::vector<DoctorLine> checkLive(const Options& options, const po::variables_ma
   pairs.addMasks(&masks);
   pairs.measure(&checks);
   DoctorFacts facts = checks.facts(input, tf);
-  facts.other_parents = othersThan(parameters.node, runs, tf_parents.sources());
+  facts.odometry_runs = !odometry.empty();
+  addOtherParents(tf_parents.othersThan(odometry), tf, &facts);
   if (imu_subscriber) addImu(imu, parameters, tf, &facts);
   facts.image_topics = publishedImageTopics();
   facts.clock_missing = isClockMissing();

@@ -58,7 +58,7 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
         "a drive with KITTI's camera; with EuRoC's a flight through rooms, along plain walls, or "
         "fast through dark rooms of plaster");
   visit("seed", o.seed, 0, 1000000, "", "each seed gives a different world");
-  visit("speed", o.speed, 0.0, 10.0, "", "factor on the scene's own; 0: stationary");
+  visit("speed", o.speed, 0.0, 10.0, "", "factor on the scene's own; 0: sways in place");
   visit("rotation", o.rotation, 0.0, 20.0, "", "factor on the scene's own sway of the camera");
   visit("frame_rate_hz", o.frame_rate_hz, 0.0, 200.0, "Hz",
         "0: the scene's own, 10 for the street and 20 elsewhere");
