@@ -21,7 +21,6 @@ script_workspace() {
   echo "$repository/.workspace"
 }
 workspace=$(script_workspace)
-export POINT_LINE_ODOMETRY_WORKSPACE=$workspace  # for what is written in Python
 
 # Says what begins, and how long the script has run: [min:s].
 step() { printf '\n=== [%d:%02d] %s\n' $((SECONDS / 60)) $((SECONDS % 60)) "$*"; }

@@ -8,9 +8,6 @@ SCRIPTS = os.path.dirname(os.path.realpath(__file__))
 
 def script_workspace() -> str:
     """As _common.sh says."""
-    given = os.environ.get('POINT_LINE_ODOMETRY_WORKSPACE')
-    if given:
-        return given
     command = 'source "$0" && echo "$workspace"'
     result = subprocess.run(['bash', '-c', command, os.path.join(SCRIPTS, '_common.sh')],
                             stdout=subprocess.PIPE, universal_newlines=True, check=True)

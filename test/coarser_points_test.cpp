@@ -16,14 +16,6 @@
 namespace point_line_odometry {
 namespace {
 
-TEST(CellGrid, HasNoCellsWithoutPixels) {
-  EXPECT_EQ(CellGrid<int>(800, 600, 50).cells().size(), 16U * 12U);
-  EXPECT_EQ(CellGrid<int>(801, 601, 50).cells().size(), 17U * 13U);
-  CellGrid<int> grid(800, 600, 50);
-  grid.at({799.4F, 599.4F}) = 1;
-  EXPECT_EQ(grid.cells().back(), 1);
-}
-
 using Eigen::Vector2f;
 
 constexpr int kWidth = 600;
@@ -110,6 +102,14 @@ class CoarserPointsTest : public ::testing::Test {
   Parameters parameters_;
   StereoCamera camera_ = synthetic::camera();
 };
+
+TEST(CellGrid, HasNoCellsWithoutPixels) {
+  EXPECT_EQ(CellGrid<int>(800, 600, 50).cells().size(), 16U * 12U);
+  EXPECT_EQ(CellGrid<int>(801, 601, 50).cells().size(), 17U * 13U);
+  CellGrid<int> grid(800, 600, 50);
+  grid.at({799.4F, 599.4F}) = 1;
+  EXPECT_EQ(grid.cells().back(), 1);
+}
 
 TEST_F(CoarserPointsTest, AreAddedOnlyWhereTheFrameHasFewPoints) {
   const Frames frames = framesOf(wall(150));
