@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kPace = 2.0;  // time between two calls of the yardstick, in times of one call
 constexpr int kIterations = 100;
-constexpr std::size_t kUntimed = 2;  // frames after a reset, which take less time
+constexpr std::size_t kUntimedAfterReset = 2;  // frames after a reset, which take less time
 
 using StageSamples = std::array<std::vector<double>, kNumStages>;
 
@@ -39,7 +39,7 @@ void runFrames(benchmark::State& state, BenchmarkInput* input, const Parameters&
     if (next == 0) {
       state.PauseTiming();
       odometry.reset();
-      while (next < kUntimed) odometry.process(run[next++]);
+      while (next < kUntimedAfterReset) odometry.process(run[next++]);
       state.ResumeTiming();
     }
     const StereoImages& images = run[next];

@@ -14,7 +14,6 @@ namespace {
 constexpr double kTolerance = 1e-4;  // relative change of the cost at which the solver stops
 constexpr double kGradientTolerance = 1e-10;
 constexpr double kLeastQuality = 1e-3;  // of a step: the cost's decrease over the predicted one
-constexpr auto kBoth = ResidualImages::kBoth;
 
 std::vector<BundlePose> posesOf(const std::vector<BundleProblem::Frame>& frames) {
   std::vector<BundlePose> poses;
@@ -121,8 +120,8 @@ class Bundle {
 
   std::vector<BundlePose> poses_;
   std::vector<BundlePose> moved_;  // by the last step
-  BundleLandmarks<PointResidual<kBoth>, PointEstimate, PointObservation> points_;
-  BundleLandmarks<LineResidual<kBoth>, LineEstimate, LineObservation> lines_;
+  BundleLandmarks<PointResidual<ResidualImages::kBoth>, PointEstimate, PointObservation> points_;
+  BundleLandmarks<LineResidual<ResidualImages::kBoth>, LineEstimate, LineObservation> lines_;
   std::vector<RelativePoseFactor> motions_;
   PoseSystem normal_;
 };

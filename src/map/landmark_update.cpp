@@ -6,8 +6,6 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr auto kBoth = ResidualImages::kBoth;
-
 /// Derivative of a landmark's coordinates by the pose from which it is seen: the shift, along and
 /// about the camera's axes, that has the same effect on its pixels.
 template <int kSize, int kDof>
@@ -42,13 +40,15 @@ bool update(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map,
 bool ekfUpdate(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map,
                const Matrix6d& pose_covariance, const PointObservation& observation,
                PointEstimate* estimate) {
-  return update<PointResidual<kBoth>>(camera, T_camera_map, pose_covariance, observation, estimate);
+  return update<PointResidual<ResidualImages::kBoth>>(camera, T_camera_map, pose_covariance,
+                                                      observation, estimate);
 }
 
 bool ekfUpdate(const StereoCamera& camera, const Eigen::Isometry3d& T_camera_map,
                const Matrix6d& pose_covariance, const LineObservation& observation,
                LineEstimate* estimate) {
-  return update<LineResidual<kBoth>>(camera, T_camera_map, pose_covariance, observation, estimate);
+  return update<LineResidual<ResidualImages::kBoth>>(camera, T_camera_map, pose_covariance,
+                                                     observation, estimate);
 }
 
 }  // namespace point_line_odometry

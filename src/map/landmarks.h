@@ -85,6 +85,7 @@ struct TrackStatistics {
 /// A point landmark: its position in the map, and its appearance.
 struct MapPoint {
   static constexpr int kPatchSide = 23;
+  static constexpr int kHalfPatch = kPatchSide / 2;
 
   std::uint64_t id = 0;
   PointEstimate estimate;  ///< in the map [m]

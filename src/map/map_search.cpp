@@ -13,8 +13,6 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
-
 /// A point of the map projected into the images.
 struct View {
   std::size_t index;  // of the point
@@ -67,7 +65,7 @@ std::vector<View> viewsOf(const std::vector<MapPoint>& points, const FrameContex
 StereoPatch patchOf(const MapPoint& point, const StereoWarp& warp) {
   const cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1,
                       const_cast<std::uint8_t*>(point.patch.data()));  // only read
-  return StereoPatch(patch, Eigen::Vector2f(kHalfPatch, kHalfPatch), warp);
+  return StereoPatch(patch, Eigen::Vector2f(MapPoint::kHalfPatch, MapPoint::kHalfPatch), warp);
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kHalfPatch = MapPoint::kPatchSide / 2;
 constexpr float kMinDistancePx = 8.0F;  // between a new point and others
 
 }  // namespace
@@ -47,9 +46,9 @@ bool PointBuckets::take(const Eigen::Vector2f& pixel, int wanted) {
 }
 
 bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
-  return pixel.x() >= kHalfPatch && pixel.y() >= kHalfPatch &&
-         pixel.x() < static_cast<float>(camera.width - kHalfPatch) &&
-         pixel.y() < static_cast<float>(camera.height - kHalfPatch);
+  return pixel.x() >= MapPoint::kHalfPatch && pixel.y() >= MapPoint::kHalfPatch &&
+         pixel.x() < static_cast<float>(camera.width - MapPoint::kHalfPatch) &&
+         pixel.y() < static_cast<float>(camera.height - MapPoint::kHalfPatch);
 }
 
 MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,

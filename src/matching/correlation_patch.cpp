@@ -10,15 +10,16 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kSide = CorrelationPatch::kSide;
-constexpr int kHalf = kSide / 2;
-constexpr int kArea = kSide * kSide;
+constexpr int kCorrelationSide = CorrelationPatch::kSide;
+constexpr int kCorrelationHalf = kCorrelationSide / 2;
+constexpr int kCorrelationArea = kCorrelationSide * kCorrelationSide;
 constexpr int kFour = 4;  // values of a vector
 
 /// Taken off the pixels, which changes no correlation: with 8 bits and a sign, all below fits into
 /// 32 bits.
 constexpr int kMiddleGrey = 128;
-static_assert(std::int64_t{kArea} * kArea * kMiddleGrey * kMiddleGrey <= 1 << 30);
+static_assert(std::int64_t{kCorrelationArea} * kCorrelationArea * kMiddleGrey * kMiddleGrey <=
+              1 << 30);
 
 /// Pixels around the centres of a search, as 16 bits, which multiply and add fastest.
 struct SearchWindow {
@@ -30,10 +31,11 @@ struct SearchWindow {
   SearchWindow(const cv::Mat& image, const Eigen::Vector2i& first, const Eigen::Vector2i& last)
       : columns(last.x() - first.x() + 1),
         rows(last.y() - first.y() + 1),
-        pitch(columns + kSide - 1),
-        pixels(static_cast<std::size_t>(pitch) * (rows + kSide - 1)) {
-    for (int y = 0; y < rows + kSide - 1; ++y) {
-      const std::uint8_t* row = image.ptr<std::uint8_t>(first.y() - kHalf + y) + first.x() - kHalf;
+        pitch(columns + kCorrelationSide - 1),
+        pixels(static_cast<std::size_t>(pitch) * (rows + kCorrelationSide - 1)) {
+    for (int y = 0; y < rows + kCorrelationSide - 1; ++y) {
+      const std::uint8_t* row =
+          image.ptr<std::uint8_t>(first.y() - kCorrelationHalf + y) + first.x() - kCorrelationHalf;
       std::transform(
           row, row + pitch, pixels.begin() + static_cast<std::ptrdiff_t>(y) * pitch,
           [](std::uint8_t value) { return static_cast<std::int16_t>(value - kMiddleGrey); });
@@ -54,19 +56,20 @@ void sumProducts(const std::int16_t* patch, const std::int16_t* window, int pitc
                  std::int32_t* products) {
   for (int x = 0; x < columns; ++x) {
     std::int32_t sum = 0;
-    for (int r = 0; r < kSide; ++r) {
-      for (int c = 0; c < kSide; ++c) sum += patch[r * kSide + c] * window[r * pitch + x + c];
+    for (int r = 0; r < kCorrelationSide; ++r) {
+      for (int c = 0; c < kCorrelationSide; ++c)
+        sum += patch[r * kCorrelationSide + c] * window[r * pitch + x + c];
     }
     products[x] = sum;
   }
 }
 
-/// Running sums of kSide columns, at `size` positions.
+/// Running sums of kCorrelationSide columns, at `size` positions.
 void sumColumns(const std::vector<std::int32_t>& columns, std::size_t size, std::int32_t* sums) {
-  std::int32_t sum = std::accumulate(columns.begin(), columns.begin() + kSide, 0);
+  std::int32_t sum = std::accumulate(columns.begin(), columns.begin() + kCorrelationSide, 0);
   for (std::size_t x = 0; x < size; ++x) {
     sums[x] = sum;
-    if (x + 1 < size) sum += columns[x + kSide] - columns[x];
+    if (x + 1 < size) sum += columns[x + kCorrelationSide] - columns[x];
   }
 }
 
@@ -83,7 +86,7 @@ void addRow(const std::int16_t* row, int size, int sign, std::int32_t* values,
 
 /// Square root of n times the sum of squared differences from the mean.
 float normOf(std::int32_t sum, std::int32_t squares) {
-  return std::sqrt(static_cast<float>(kArea * squares - sum * sum));
+  return std::sqrt(static_cast<float>(kCorrelationArea * squares - sum * sum));
 }
 
 /// Correlations of a patch with those of a row; 0 where they are negative, and for uniform ones.
@@ -94,7 +97,7 @@ void correlateRow(const RowSums& sums, int size, std::int32_t patch_sum, float p
   const std::int32_t* values = sums.values.data();
   const std::int32_t* squares = sums.squares.data();
   const std::int32_t* products = sums.products.data();
-  const cv::v_int32x4 area = cv::v_setall_s32(kArea);
+  const cv::v_int32x4 area = cv::v_setall_s32(kCorrelationArea);
   const cv::v_int32x4 sum = cv::v_setall_s32(patch_sum);
   const cv::v_float32x4 norm = cv::v_setall_f32(patch_norm);
   const cv::v_float32x4 zero = cv::v_setzero_f32();
@@ -110,8 +113,9 @@ void correlateRow(const RowSums& sums, int size, std::int32_t patch_sum, float p
 
 /// Centres of all patches in an image.
 Eigen::AlignedBox2f centres(const cv::Mat& image) {
-  return {Eigen::Vector2f(kHalf, kHalf),
-          Eigen::Vector2i(image.cols - kHalf, image.rows - kHalf).cast<float>()};
+  return {
+      Eigen::Vector2f(kCorrelationHalf, kCorrelationHalf),
+      Eigen::Vector2i(image.cols - kCorrelationHalf, image.rows - kCorrelationHalf).cast<float>()};
 }
 
 /// Maximum of a parabola through three values at -1, 0, 1, of which the middle one is the largest.
@@ -145,7 +149,7 @@ std::vector<float> CorrelationPatch::correlations(const cv::Mat& image,
   std::vector<float> result(columns * static_cast<std::size_t>(window.rows) + kFour);
   for (int y = 0; y < window.rows; ++y) {
     const std::int16_t* row = window.pixels.data() + static_cast<std::ptrdiff_t>(y) * window.pitch;
-    for (int r = y == 0 ? 0 : kSide - 1; r < kSide; ++r)
+    for (int r = y == 0 ? 0 : kCorrelationSide - 1; r < kCorrelationSide; ++r)
       addRow(row + r * window.pitch, window.pitch, 1, column_values.data(), column_squares.data());
     sumColumns(column_values, columns, sums.values.data());
     sumColumns(column_squares, columns, sums.squares.data());

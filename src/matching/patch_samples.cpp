@@ -10,9 +10,9 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kSide = PatchAligner::kSide;
-constexpr int kHalf = kSide / 2;
-constexpr int kPitch = PatchAligner::kPitch;
+constexpr int kPatchSide = PatchAligner::kSide;
+constexpr int kHalfPatch = kPatchSide / 2;
+constexpr int kPatchPitch = PatchAligner::kPitch;
 constexpr int kWide = PatchAligner::kWide;
 constexpr int kWider = kWide + 2;
 constexpr int kWiderPitch = kWider + 1;
@@ -76,25 +76,25 @@ Weights weightsAt(float fraction) {
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void interpolate(const uchar* origin, std::ptrdiff_t step, const Weights& along,
                  const Weights& across, float* __restrict values) {
-  float pixels[kSide + 3][kPitch + 4];
-  for (int r = 0; r < kSide + 3; ++r) {
+  float pixels[kPatchSide + 3][kPatchPitch + 4];
+  for (int r = 0; r < kPatchSide + 3; ++r) {
     const uchar* p = origin + r * step;
-    for (const int c : {0, 4, 8, kPitch - 1}) v_store(pixels[r] + c, loadFour(p + c));
+    for (const int c : {0, 4, 8, kPatchPitch - 1}) v_store(pixels[r] + c, loadFour(p + c));
   }
-  float rows[kSide + 3][kPitch];
-  for (int r = 0; r < kSide + 3; ++r) {
-    for (int c = 0; c < kPitch; c += 4) {
+  float rows[kPatchSide + 3][kPatchPitch];
+  for (int r = 0; r < kPatchSide + 3; ++r) {
+    for (int c = 0; c < kPatchPitch; c += 4) {
       const float* p = pixels[r] + c;
       v_store(rows[r] + c, along[0] * cv::v_load(p) + along[1] * cv::v_load(p + 1) +
                                along[2] * cv::v_load(p + 2) + along[3] * cv::v_load(p + 3));
     }
   }
-  for (int r = 0; r < kSide; ++r) {
-    for (int c = 0; c < kPitch; c += 4) {
-      v_store(values + r * kPitch + c, across[0] * cv::v_load(rows[r] + c) +
-                                           across[1] * cv::v_load(rows[r + 1] + c) +
-                                           across[2] * cv::v_load(rows[r + 2] + c) +
-                                           across[3] * cv::v_load(rows[r + 3] + c));
+  for (int r = 0; r < kPatchSide; ++r) {
+    for (int c = 0; c < kPatchPitch; c += 4) {
+      v_store(values + r * kPatchPitch + c, across[0] * cv::v_load(rows[r] + c) +
+                                                across[1] * cv::v_load(rows[r + 1] + c) +
+                                                across[2] * cv::v_load(rows[r + 2] + c) +
+                                                across[3] * cv::v_load(rows[r + 3] + c));
     }
   }
 }
@@ -211,46 +211,46 @@ bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre, const Eig
 /// Bilinear samples of a patch at an aligned position and slope that lies in the image. All rows
 /// are written before any is read, as in interpolate().
 void interpolateSlanted(const cv::Mat& image, const AlignedPatch& seen, float* values) {
-  // Pixels of a row, in fours: kSide * (1 + kMaxPatchSlope) and two more.
+  // Pixels of a row, in fours: kPatchSide * (1 + kMaxPatchSlope) and two more.
   constexpr int kMaxSpan = 24;
   const int y = static_cast<int>(seen.pixel.y());
   const auto step = static_cast<std::ptrdiff_t>(image.step1());
   const cv::v_float32x4 below = cv::v_setall_f32(seen.pixel.y() - static_cast<float>(y));
   const float along = 1.0F + seen.slope.x();
-  std::array<std::array<float, kMaxSpan>, kSide> rows{};
-  std::array<float, kSide> offsets;
-  for (int r = 0; r < kSide; ++r) {
+  std::array<std::array<float, kMaxSpan>, kPatchSide> rows{};
+  std::array<float, kPatchSide> offsets;
+  for (int r = 0; r < kPatchSide; ++r) {
     const float begin =
-        seen.pixel.x() + seen.slope.y() * static_cast<float>(r - kHalf) - kHalf * along;
+        seen.pixel.x() + seen.slope.y() * static_cast<float>(r - kHalfPatch) - kHalfPatch * along;
     const int first = static_cast<int>(begin);
     offsets[r] = begin - static_cast<float>(first);
-    const uchar* p = image.ptr<uchar>(y - kHalf + r) + first;
-    const int last = static_cast<int>(offsets[r] + (kSide - 1) * along) + 1;
+    const uchar* p = image.ptr<uchar>(y - kHalfPatch + r) + first;
+    const int last = static_cast<int>(offsets[r] + (kPatchSide - 1) * along) + 1;
     for (int c = 0; c <= last; c += 4) {
       const cv::v_float32x4 above = loadFour(p + c);
       v_store(rows[r].data() + c, above + below * (loadFour(p + step + c) - above));
     }
   }
   const cv::v_float32x4 by_column = cv::v_setall_f32(along);
-  for (int r = 0; r < kSide; ++r) {
+  for (int r = 0; r < kPatchSide; ++r) {
     cv::v_float32x4 column(0.0F, 1.0F, 2.0F, 3.0F);
-    for (int c = 0; c < kPitch; c += 4, column = column + cv::v_setall_f32(4.0F)) {
+    for (int c = 0; c < kPatchPitch; c += 4, column = column + cv::v_setall_f32(4.0F)) {
       const cv::v_float32x4 at = cv::v_setall_f32(offsets[r]) + by_column * column;
       const cv::v_int32x4 left = cv::v_trunc(at);
       cv::v_float32x4 here;
       cv::v_float32x4 right;
       cv::v_lut_deinterleave(rows[r].data(), left, here, right);
-      v_store(values + r * kPitch + c, here + (at - cv::v_cvt_f32(left)) * (right - here));
+      v_store(values + r * kPatchPitch + c, here + (at - cv::v_cvt_f32(left)) * (right - here));
     }
-    values[r * kPitch + kSide] = 0.0F;
+    values[r * kPatchPitch + kPatchSide] = 0.0F;
   }
 }
 
 }  // namespace
 
 bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* values) {
-  constexpr int kRows = kSide + 3;
-  const PixelWindow window(image, centre, kHalf + 1, kRows, kPitch + 3);
+  constexpr int kRows = kPatchSide + 3;
+  const PixelWindow window(image, centre, kHalfPatch + 1, kRows, kPatchPitch + 3);
   if (!window.valid) return false;
   interpolate(window.origin, window.step, weightsAt(window.right), weightsAt(window.below),
               values->data());
@@ -258,11 +258,11 @@ bool samplePatch(const cv::Mat& image, const Eigen::Vector2f& centre, Patch* val
 }
 
 bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* values) {
-  const float extent = kHalf * (1.0F + seen.slope.lpNorm<1>());
+  const float extent = kHalfPatch * (1.0F + seen.slope.lpNorm<1>());
   const Eigen::Vector2f& centre = seen.pixel;
-  if (!(centre.x() >= extent && centre.y() >= kHalf &&
+  if (!(centre.x() >= extent && centre.y() >= kHalfPatch &&
         centre.x() + extent + 4.0F < static_cast<float>(image.cols) &&
-        centre.y() + kHalf < static_cast<float>(image.rows - 1))) {
+        centre.y() + kHalfPatch < static_cast<float>(image.rows - 1))) {
     return false;
   }
   interpolateSlanted(image, seen, values->data());

@@ -18,12 +18,12 @@ constexpr double kConfidence = 0.999;  // that one of the samples is free of out
 constexpr double kLeastSine = 0.02;    // of the angle between two rays that give a rotation
 
 template <std::size_t kSize>
-using Sample = std::array<int, kSize>;
+using MinimalSample = std::array<int, kSize>;
 
 /// Different indices below `size`.
 template <std::size_t kSize>
-Sample<kSize> drawSample(std::mt19937* generator, int size) {
-  Sample<kSize> sample{};
+MinimalSample<kSize> drawSample(std::mt19937* generator, int size) {
+  MinimalSample<kSize> sample{};
   for (std::size_t i = 0; i < kSize; ++i) {
     const auto end = sample.begin() + static_cast<std::ptrdiff_t>(i);
     do {
@@ -35,7 +35,8 @@ Sample<kSize> drawSample(std::mt19937* generator, int size) {
 
 /// The solutions of P3P, at most four.
 std::vector<Eigen::Isometry3d> solveThree(const std::vector<PointCorrespondence>& matches,
-                                          const StereoCamera& camera, const Sample<3>& sample) {
+                                          const StereoCamera& camera,
+                                          const MinimalSample<3>& sample) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> rays;
   for (const int i : sample) {
@@ -80,7 +81,7 @@ std::optional<Eigen::Matrix3d> axesOf(const Eigen::Vector3d& first, const Eigen:
 std::vector<Eigen::Isometry3d> solveTwo(const std::vector<PointCorrespondence>& matches,
                                         const StereoCamera& camera,
                                         const Eigen::Vector3d& position_prev,
-                                        const Sample<2>& sample) {
+                                        const MinimalSample<2>& sample) {
   const PointCorrespondence& first = matches[static_cast<std::size_t>(sample[0])];
   const PointCorrespondence& second = matches[static_cast<std::size_t>(sample[1])];
   const auto before = axesOf(first.p_prev - position_prev, second.p_prev - position_prev);
@@ -141,14 +142,15 @@ std::optional<MotionConsensus> ransac(const std::vector<PointCorrespondence>& ma
 
 std::optional<MotionConsensus> findConsensus(const std::vector<PointCorrespondence>& matches,
                                              const StereoCamera& camera) {
-  return ransac<3>(matches, camera,
-                   [&](const Sample<3>& sample) { return solveThree(matches, camera, sample); });
+  return ransac<3>(matches, camera, [&](const MinimalSample<3>& sample) {
+    return solveThree(matches, camera, sample);
+  });
 }
 
 std::optional<MotionConsensus> findRotation(const std::vector<PointCorrespondence>& far_matches,
                                             const StereoCamera& camera,
                                             const Eigen::Vector3d& position_prev) {
-  return ransac<2>(far_matches, camera, [&](const Sample<2>& sample) {
+  return ransac<2>(far_matches, camera, [&](const MinimalSample<2>& sample) {
     return solveTwo(far_matches, camera, position_prev, sample);
   });
 }

@@ -8,8 +8,8 @@ namespace point_line_odometry {
 namespace {
 
 // Standard deviations of axes that no prior knows.
-constexpr double kUnknown_m = 100.0;
-constexpr double kUnknown_rad = 10.0;
+constexpr double kNoPrior_m = 100.0;
+constexpr double kNoPrior_rad = 10.0;
 
 }  // namespace
 
@@ -33,7 +33,7 @@ std::optional<MotionPrior> fused(const std::vector<MotionPrior>& priors) {
   if (priors.size() == 1) return result;
   for (std::size_t i = 1; i < priors.size(); ++i) result.information += priors[i].information;
   Vector6d unknown;
-  unknown << Eigen::Vector3d::Constant(kUnknown_m), Eigen::Vector3d::Constant(kUnknown_rad);
+  unknown << Eigen::Vector3d::Constant(kNoPrior_m), Eigen::Vector3d::Constant(kNoPrior_rad);
   Matrix6d bounded = result.information;
   bounded.diagonal() += unknown.cwiseAbs2().cwiseInverse();
   const Eigen::LLT<Matrix6d> root(bounded);

@@ -42,7 +42,7 @@ constexpr double kShareStationary = 0.65;
 // at most, a scene more) and this number, in the dark in successive frames together.
 constexpr double kShareOfInliers = 0.2;
 constexpr double kShareOfMoving = 1.0 / 3.0;
-constexpr double kShareOfScene = 0.1;
+constexpr double kShareOfMovingScene = 0.1;
 constexpr int kMinScene = 20;
 
 double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
@@ -239,7 +239,7 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
-  if (num_scene < kShareOfScene * static_cast<double>(inliers.size())) return std::nullopt;
+  if (num_scene < kShareOfMovingScene * static_cast<double>(inliers.size())) return std::nullopt;
 
   // What the motion does not move is part of the scene, too.
   resting.erase(std::remove_if(resting.begin(), resting.end(),

@@ -26,8 +26,8 @@ constexpr double kMaxBias = 0.5;  // [m/s^2]
 constexpr double kMaxDeviation = 0.5;  // [m/s^2]
 
 // Before anything was estimated: a micro-mechanical accelerometer that nobody has calibrated.
-constexpr double kFirstBias = 0.2;  // [m/s^2], each axis
-constexpr double kFirstTilt = 1.0;  // [rad], of the direction
+constexpr double kFirstBias_m_s2 = 0.2;  // [m/s^2], each axis
+constexpr double kFirstTilt = 1.0;       // [rad], of the direction
 
 // Errors of a measurement.
 constexpr double kFloor = 0.01;          // [m/s^2], that of extrinsics, temperature
@@ -36,10 +36,8 @@ constexpr double kShareOfSpread = 0.02;  // of vibrations: rectified, aliased
 
 // Largest squared Mahalanobis distance of a measurement: 99.9 % of chi-square, 3 degrees of
 // freedom. After N in a row beyond it, it is the expectation that is wrong.
-constexpr double kMaxDistance = 16.27;
+constexpr double kMaxGravityDistance = 16.27;
 constexpr int kMaxRejected = 5;
-
-double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 /// Nearest symmetric matrix without negative eigenvalues.
 Matrix3d positive(const Matrix3d& m) {
@@ -72,7 +70,7 @@ void Gravity::update(const FrameResult& result, const Gyroscope& gyroscope) {
   addFrame(result, gyroscope);
   if (window_.size() < 3) return;
   const std::int64_t end_ns = window_.back().stamp_ns;
-  if (seconds(end_ns - window_.front().stamp_ns) < kWindow_s) return;
+  if (toSeconds(end_ns - window_.front().stamp_ns) < kWindow_s) return;
   const std::optional<Measurement> measurement = measure();
   if (measurement) {
     update(*measurement, result.estimate_covariance);
@@ -115,13 +113,13 @@ void Gravity::addFrame(const FrameResult& result, const Gyroscope& gyroscope) {
 std::optional<Gravity::Measurement> Gravity::measure() const {
   const Frame& first = window_.front();
   const Frame& last = window_.back();
-  const double middle_s = 0.5 * seconds(last.stamp_ns - first.stamp_ns);
+  const double middle_s = 0.5 * toSeconds(last.stamp_ns - first.stamp_ns);
   std::size_t middle = 1;
   while (middle + 2 < window_.size() &&
-         seconds(window_[middle].stamp_ns - first.stamp_ns) < middle_s)
+         toSeconds(window_[middle].stamp_ns - first.stamp_ns) < middle_s)
     ++middle;
-  const double rise_s = seconds(window_[middle].stamp_ns - first.stamp_ns);
-  const double fall_s = seconds(last.stamp_ns - window_[middle].stamp_ns);
+  const double rise_s = toSeconds(window_[middle].stamp_ns - first.stamp_ns);
+  const double fall_s = toSeconds(last.stamp_ns - window_[middle].stamp_ns);
   const double peak = 2.0 / (rise_s + fall_s);
   Measurement measurement;
   measurement.J_bias.setZero();
@@ -133,8 +131,8 @@ std::optional<Gravity::Measurement> Gravity::measure() const {
     const bool rises = i <= middle;
     const Frame& before = window_[i - 1];
     const SpecificForce& force = window_[i].force;
-    const double weight = rises ? peak / rise_s * seconds(before.stamp_ns - first.stamp_ns)
-                                : peak / fall_s * seconds(last.stamp_ns - before.stamp_ns);
+    const double weight = rises ? peak / rise_s * toSeconds(before.stamp_ns - first.stamp_ns)
+                                : peak / fall_s * toSeconds(last.stamp_ns - before.stamp_ns);
     const double slope = rises ? peak / rise_s : -peak / fall_s;
     const Matrix3d R = before.T_odom_camera.linear();
     measurement.force += R * (weight * force.sum + slope * force.moment);
@@ -175,7 +173,7 @@ void Gravity::update(const Measurement& measurement, const Matrix6d& pose_covari
   const Matrix3d N = measurement.variance * Matrix3d::Identity();
   const Eigen::LDLT<Matrix3d> root(H * covariance_ * H.transpose() + N);
   const double distance = innovation.dot(root.solve(innovation));
-  if (!(distance <= kMaxDistance)) {
+  if (!(distance <= kMaxGravityDistance)) {
     ++windows_.rejected;
     if (++rejected_in_a_row_ >= kMaxRejected) {
       ++windows_.restarts;
@@ -219,7 +217,7 @@ void Gravity::start(const Measurement& measurement) {
   bias_.setZero();
   covariance_.setZero();
   covariance_.diagonal().segment<3>(3).setConstant(kFirstTilt * kFirstTilt);
-  covariance_.diagonal().tail<3>().setConstant(kFirstBias * kFirstBias);
+  covariance_.diagonal().tail<3>().setConstant(kFirstBias_m_s2 * kFirstBias_m_s2);
   pose_covariance_.setZero();
   updated_ns_ = window_.back().stamp_ns;
 }
@@ -228,7 +226,7 @@ void Gravity::start(const Measurement& measurement) {
 void Gravity::grow(const Matrix3d& rotation_covariance) {
   covariance_.topLeftCorner<3, 3>() += positive(rotation_covariance - pose_covariance_);
   pose_covariance_ = rotation_covariance;
-  const double since_s = seconds(window_.back().stamp_ns - updated_ns_);
+  const double since_s = toSeconds(window_.back().stamp_ns - updated_ns_);
   const double walk = std::pow(parameters_.accelerometer_random_walk, 2) * std::max(since_s, 0.0);
   covariance_.diagonal().tail<3>().array() += walk;
 }

@@ -15,11 +15,11 @@ using Eigen::Matrix3d;
 using Eigen::Matrix4d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kMaxSamples = 20000;  // 10 s of 2 kHz
-constexpr double kKept_s = 5.0;             // before the last frame: lost frames, late samples
+constexpr std::size_t kMaxImuSamples = 20000;  // 10 s of 2 kHz
+constexpr double kImuKept_s = 5.0;             // before the last frame: lost frames, late samples
 
 // Between samples that are further apart nothing is known.
-constexpr double kMaxGap_s = 0.15;
+constexpr double kMaxImuGap_s = 0.15;
 
 // Change of the angular acceleration, by which rates between two samples deviate from a line.
 constexpr double kJerk = 30.0;  // [rad/s^3]
@@ -28,7 +28,7 @@ constexpr double kJerk = 30.0;  // [rad/s^3]
 constexpr double kScaleError = 0.005;
 
 // Before anything was estimated. EuRoC's gyroscope has a bias of 0.08 rad/s.
-constexpr double kFirstBias = 0.1;        // [rad/s]
+constexpr double kFirstBias_rad_s = 0.1;  // [rad/s]
 constexpr double kFirstOffset_s = 0.02;   // where the time offset is estimated
 constexpr double kGivenOffset_s = 0.001;  // where it is given
 constexpr double kMaxOffset_s = 0.05;
@@ -36,13 +36,11 @@ constexpr double kOffsetDrift_s = 1e-4;  // in a second
 
 // Largest squared Mahalanobis distance of a rotation by images: 99.9 % of chi-square, 3 degrees of
 // freedom. A rotation beyond it makes the state this factor more uncertain, up to the first one.
-constexpr double kMaxDistance = 16.27;
+constexpr double kMaxRotationDistance = 16.27;
 constexpr double kInflation = 1.2;
 
 // Deviation of the rotation between two frames of a stationary camera [rad].
 constexpr double kStandstill = 5e-5;
-
-double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 bool earlier(const ImuSample& a, const ImuSample& b) { return a.stamp_ns < b.stamp_ns; }
 
@@ -50,7 +48,7 @@ bool earlier(const ImuSample& a, const ImuSample& b) { return a.stamp_ns < b.sta
 Vector3d valueAt(const ImuSample& before, const ImuSample& after, std::int64_t stamp_ns,
                  Vector3d ImuSample::*value) {
   const double share =
-      seconds(stamp_ns - before.stamp_ns) / seconds(after.stamp_ns - before.stamp_ns);
+      toSeconds(stamp_ns - before.stamp_ns) / toSeconds(after.stamp_ns - before.stamp_ns);
   return (1.0 - share) * before.*value + share * after.*value;
 }
 
@@ -74,7 +72,9 @@ void addForce(const Vector3d& a_begin, const Vector3d& a_end, const Matrix3d& R_
 
 Matrix4d firstCovariance(const ImuParameters& parameters) {
   const double offset = parameters.estimate_time_offset ? kFirstOffset_s : kGivenOffset_s;
-  return Eigen::Vector4d(kFirstBias, kFirstBias, kFirstBias, offset).cwiseAbs2().asDiagonal();
+  return Eigen::Vector4d(kFirstBias_rad_s, kFirstBias_rad_s, kFirstBias_rad_s, offset)
+      .cwiseAbs2()
+      .asDiagonal();
 }
 
 }  // namespace
@@ -111,8 +111,8 @@ void Gyroscope::add(const ImuSample& sample) {
   }
   if (!sample.acceleration.allFinite()) ++faults_.without_acceleration;
   if (isSaturated(sample)) ++faults_.saturated;
-  insertSample(sample, std::llround(1e9 * kKept_s), updated_ns_, &samples_, &faults_);
-  boundSamples(kMaxSamples, updated_ns_, &samples_);
+  insertSample(sample, std::llround(1e9 * kImuKept_s), updated_ns_, &samples_, &faults_);
+  boundSamples(kMaxImuSamples, updated_ns_, &samples_);
 }
 
 bool Gyroscope::isSaturated(const ImuSample& sample) const {
@@ -126,7 +126,7 @@ bool Gyroscope::covers(std::int64_t frame_ns) const {
   end.stamp_ns = frame_ns + std::llround(1e9 * state_[3]);
   const auto after = std::lower_bound(samples_.begin(), samples_.end(), end, earlier);
   // A sample of far later may have a wrong stamp, and ends no interval anyway.
-  return after != samples_.end() && seconds(after->stamp_ns - end.stamp_ns) <= kMaxGap_s;
+  return after != samples_.end() && toSeconds(after->stamp_ns - end.stamp_ns) <= kMaxImuGap_s;
 }
 
 std::optional<MotionPrior> Gyroscope::between(std::int64_t from_ns, std::int64_t to_ns) const {
@@ -181,12 +181,12 @@ std::optional<Gyroscope::Rotation> Gyroscope::integrate(std::int64_t from_ns,
   for (std::int64_t now_ns = begin_ns; now_ns < end_ns; ++after) {
     if (after == samples_.end()) return std::nullopt;
     const ImuSample& before = *(after - 1);
-    const double gap_s = seconds(after->stamp_ns - before.stamp_ns);
-    if (gap_s > kMaxGap_s || isSaturated(before) || isSaturated(*after)) return std::nullopt;
+    const double gap_s = toSeconds(after->stamp_ns - before.stamp_ns);
+    if (gap_s > kMaxImuGap_s || isSaturated(before) || isSaturated(*after)) return std::nullopt;
     if (now_ns == begin_ns) first_rate = rate = rateAt(before, *after, now_ns);
     const std::int64_t next_ns = std::min(after->stamp_ns, end_ns);
     const Vector3d next_rate = rateAt(before, *after, next_ns);
-    const double step_s = seconds(next_ns - now_ns);
+    const double step_s = toSeconds(next_ns - now_ns);
     rotation.J_state.leftCols<3>() -= step_s * rotation.R_from_to;
     const Matrix3d R_begin = rotation.R_from_to;
     rotation.R_from_to =
@@ -200,7 +200,7 @@ std::optional<Gyroscope::Rotation> Gyroscope::integrate(std::int64_t from_ns,
   }
   const Vector3d bias = state_.head<3>();
   rotation.J_state.col(3) = rotation.R_from_to * (rate - bias) - (first_rate - bias);
-  const double span_s = seconds(to_ns - from_ns);
+  const double span_s = toSeconds(to_ns - from_ns);
   const double variance = std::pow(parameters_.gyroscope_noise, 2) * span_s +
                           std::pow(kScaleError * rotationAngle(rotation.R_from_to), 2) +
                           interpolation * interpolation;
@@ -211,7 +211,7 @@ std::optional<Gyroscope::Rotation> Gyroscope::integrate(std::int64_t from_ns,
 void Gyroscope::update(const FrameResult& result) {
   if (!result.accepted()) return;
   if (updated_ns_ && result.stamp_ns > *updated_ns_) {
-    const double dt_s = seconds(result.stamp_ns - *updated_ns_);
+    const double dt_s = toSeconds(result.stamp_ns - *updated_ns_);
     covariance_.diagonal().head<3>().array() +=
         std::pow(parameters_.gyroscope_random_walk, 2) * dt_s;
     if (parameters_.estimate_time_offset) covariance_(3, 3) += std::pow(kOffsetDrift_s, 2) * dt_s;
@@ -239,7 +239,7 @@ void Gyroscope::update(const FrameResult& result) {
               R_imu_camera * images.covariance.bottomRightCorner<3, 3>() * R_camera_imu_);
     }
   }
-  discardBefore(result.stamp_ns - static_cast<std::int64_t>(1e9 * kKept_s));
+  discardBefore(result.stamp_ns - static_cast<std::int64_t>(1e9 * kImuKept_s));
 }
 
 /// Update of the Kalman filter.
@@ -250,7 +250,7 @@ void Gyroscope::correct(const Rotation& rotation, const Matrix3d& R_from_to_imag
   const Matrix3d S = H * covariance_ * H.transpose() + rotation.covariance + covariance;
   const Eigen::LDLT<Matrix3d> root(S);
   const double distance = innovation.dot(root.solve(innovation));
-  if (!(distance <= kMaxDistance)) {
+  if (!(distance <= kMaxRotationDistance)) {
     const Matrix4d first = firstCovariance(parameters_);
     covariance_ *= kInflation;
     for (int i = 0; i < 4; ++i) {

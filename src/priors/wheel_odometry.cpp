@@ -14,11 +14,11 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kMaxSamples = 20000;  // 100 s of 200 Hz
-constexpr double kKept_s = 15.0;            // before the last frame: dark frames, late samples
+constexpr std::size_t kMaxWheelSamples = 20000;  // 100 s of 200 Hz
+constexpr double kWheelsKept_s = 15.0;           // before the last frame: dark frames, late samples
 
 // A pose is interpolated between samples that are not further apart.
-constexpr double kMaxGap_s = 0.5;
+constexpr double kMaxWheelGap_s = 0.5;
 
 // Accelerations, by which poses between two samples deviate from their interpolation.
 constexpr double kAcceleration = 3.0;         // [m/s^2]
@@ -39,8 +39,6 @@ constexpr double kSway_rad_s = 0.3;
 // Of the source's variances.
 constexpr double kSmallestVariance = 1e-12;
 constexpr double kUnknownVariance = 1e3;
-
-double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 std::int64_t nanoseconds(double s) { return static_cast<std::int64_t>(std::llround(1e9 * s)); }
 
@@ -65,7 +63,7 @@ Isometry3d interpolate(const Isometry3d& from, const Isometry3d& to, double shar
 
 /// Between two samples, in the axes of the odometry.
 Vector6d velocityBetween(const OdometrySample& from, const OdometrySample& to) {
-  const double dt_s = std::max(seconds(to.stamp_ns - from.stamp_ns), kShortestStep_s);
+  const double dt_s = std::max(toSeconds(to.stamp_ns - from.stamp_ns), kShortestStep_s);
   return poseDifference(from.T_odom_body, to.T_odom_body) / dt_s;
 }
 
@@ -109,14 +107,14 @@ void WheelOdometry::add(const OdometrySample& sample) {
     ++faults_.not_finite;
     return;
   }
-  insertSample(sample, std::llround(1e9 * kKept_s), updated_ns_, &samples_, &faults_);
-  boundSamples(kMaxSamples, updated_ns_, &samples_);
+  insertSample(sample, std::llround(1e9 * kWheelsKept_s), updated_ns_, &samples_, &faults_);
+  boundSamples(kMaxWheelSamples, updated_ns_, &samples_);
 }
 
 bool WheelOdometry::covers(std::int64_t frame_ns) const {
   const auto after = std::lower_bound(samples_.begin(), samples_.end(), frame_ns, isEarlier);
   // A sample of far later may have a wrong stamp, and ends no interval anyway.
-  return after != samples_.end() && seconds(after->stamp_ns - frame_ns) <= kMaxGap_s;
+  return after != samples_.end() && toSeconds(after->stamp_ns - frame_ns) <= kMaxWheelGap_s;
 }
 
 /// \param gap_s gets the time between the samples around it, 0 at a sample.
@@ -127,10 +125,10 @@ std::optional<Isometry3d> WheelOdometry::poseAt(std::int64_t stamp_ns, double* g
   if (after->stamp_ns == stamp_ns) return after->T_odom_body;
   if (after == samples_.begin()) return std::nullopt;
   const OdometrySample& before = *(after - 1);
-  *gap_s = seconds(after->stamp_ns - before.stamp_ns);
-  if (*gap_s > kMaxGap_s) return std::nullopt;
+  *gap_s = toSeconds(after->stamp_ns - before.stamp_ns);
+  if (*gap_s > kMaxWheelGap_s) return std::nullopt;
   return interpolate(before.T_odom_body, after->T_odom_body,
-                     seconds(stamp_ns - before.stamp_ns) / *gap_s);
+                     toSeconds(stamp_ns - before.stamp_ns) / *gap_s);
 }
 
 /// True if a step between two samples of the interval is impossible.
@@ -148,7 +146,7 @@ bool WheelOdometry::jumps(std::int64_t from_ns, std::int64_t to_ns) const {
       return true;
     if (to - 1 == samples_.begin()) continue;
     const Vector6d before = velocityBetween(*(to - 2), from);
-    const double dt_s = std::max(seconds(to->stamp_ns - from.stamp_ns), kShortestStep_s);
+    const double dt_s = std::max(toSeconds(to->stamp_ns - from.stamp_ns), kShortestStep_s);
     const Vector6d step = dt_s * velocity;
     if (isJump(step.head<3>(), dt_s, before.head<3>()) ||
         isJump(step.tail<3>(), dt_s, before.tail<3>()))
@@ -189,7 +187,7 @@ Vector6d WheelOdometry::meanVariance(std::int64_t from_ns, std::int64_t to_ns) c
 Vector6d WheelOdometry::deviations(const Isometry3d& motion, std::int64_t from_ns,
                                    std::int64_t to_ns, double gap_s) const {
   const WheelParameters& wheels = parameters_.wheels;
-  const double span_s = seconds(to_ns - from_ns);
+  const double span_s = toSeconds(to_ns - from_ns);
   const double way_m = motion.translation().norm();
   const double turn_rad = rotationAngle(motion.linear());
   Vector6d slip;
@@ -241,7 +239,7 @@ void WheelOdometry::update(const FrameResult& result) {
     if (const auto prior = measure(result.image_motion->from_ns, result.stamp_ns))
       trust_.update(agrees(*prior, *result.image_motion));
   }
-  const std::int64_t first_ns = result.stamp_ns - nanoseconds(kKept_s);
+  const std::int64_t first_ns = result.stamp_ns - nanoseconds(kWheelsKept_s);
   while (!samples_.empty() && samples_.front().stamp_ns < first_ns) samples_.pop_front();
 }
 
@@ -255,7 +253,7 @@ MotionPrior planarPrior(const PlanarParameters& parameters, const Isometry3d& T_
   Vector6d deviations;
   deviations << 0.0, 0.0, parameters.z_deviation, parameters.roll_deviation,
       parameters.pitch_deviation, 0.0;
-  deviations *= std::sqrt(seconds(to_ns - from_ns));
+  deviations *= std::sqrt(toSeconds(to_ns - from_ns));
   return ofCamera(priorOfBody(Isometry3d::Identity(), deviations, from_ns, to_ns), T_body_camera);
 }
 

@@ -13,7 +13,7 @@
 namespace point_line_odometry {
 namespace {
 
-using Level = diagnostic_msgs::DiagnosticStatus;
+using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kRepeatPeriodS = 60.0;  // of a warning that persists
 constexpr double kShownS = 10.0;         // a rejected stamp, after it was received
@@ -22,25 +22,25 @@ std::uint8_t levelOf(TrackingState state) {
   switch (state) {
     case TrackingState::kInitializing:
     case TrackingState::kOk:
-      return Level::OK;
+      return DiagnosticStatus::OK;
     case TrackingState::kDegraded:
-      return Level::WARN;
+      return DiagnosticStatus::WARN;
     case TrackingState::kLost:
       break;
   }
-  return Level::ERROR;
+  return DiagnosticStatus::ERROR;
 }
 
 /// Adds the lines on these subjects to a status: those that failed to its summary, unless that is
 /// an error already, and the values of all.
 void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<DoctorSubject> subjects,
                 diagnostic_updater::DiagnosticStatusWrapper* status) {
-  const bool known = status->level >= Level::ERROR;
+  const bool known = status->level >= DiagnosticStatus::ERROR;
   for (const DoctorLine& line : lines) {
     if (std::find(subjects.begin(), subjects.end(), line.subject) == subjects.end()) continue;
     if (line.failed() && !known) {
       status->mergeSummary(
-          line.level == DoctorLevel::kError ? Level::ERROR : Level::WARN,
+          line.level == DoctorLevel::kError ? DiagnosticStatus::ERROR : DiagnosticStatus::WARN,
           std::string(toString(line.subject)) + ": " + line.text + "; " + line.hint);
     }
     const bool topic = line.subject <= DoctorSubject::kRightInfo;
@@ -54,7 +54,7 @@ void mergeLines(const std::vector<DoctorLine>& lines, std::initializer_list<Doct
 void reportSource(const std::string& name, const SourceFacts& source,
                   diagnostic_updater::DiagnosticStatusWrapper* status) {
   const std::string fault_of_source = faultOf(name, source);
-  if (!fault_of_source.empty()) status->mergeSummary(Level::WARN, fault_of_source);
+  if (!fault_of_source.empty()) status->mergeSummary(DiagnosticStatus::WARN, fault_of_source);
   status->add(name, source.counts.received);
   const auto addUnused = [&](const std::string& fault, std::uint64_t count) {
     if (count > 0) status->add(name + " not used: " + fault, count);
@@ -212,18 +212,18 @@ void Diagnostics::watchInput(const StereoSubscriber& subscriber) {
 void Diagnostics::reportTracking(Status& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (paused_) {
-    status.summary(Level::OK, "paused; call ~resume to go on");
+    status.summary(DiagnosticStatus::OK, "paused; call ~resume to go on");
   } else if (!problem_.empty()) {
-    status.summary(Level::ERROR, problem_);
+    status.summary(DiagnosticStatus::ERROR, problem_);
   } else if (counters_.processed == 0) {
-    status.summary(Level::WARN, "no frame processed yet");
+    status.summary(DiagnosticStatus::WARN, "no frame processed yet");
   } else if (reason_ == TrackingReason::kNone) {
     status.summary(levelOf(state_), toString(state_));
   } else {
     status.summary(levelOf(state_), std::string(toString(state_)) + ": " + toString(reason_));
   }
   if (!paused_ && counters_.processed > 0 && !timeout_.empty())
-    status.mergeSummary(Level::WARN, "no frame comes any more");
+    status.mergeSummary(DiagnosticStatus::WARN, "no frame comes any more");
   status.add("rate [1/s]", takeRate());
   status.add("latency [ms]", latency_ms_);
   status.add("processing time [ms]", process_ms_.empty() ? 0.0 : process_ms_.back());
@@ -240,13 +240,13 @@ void Diagnostics::reportTracking(Status& status) {
 void Diagnostics::reportInput(Status& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (timeout_.empty()) {
-    status.summary(Level::OK, "receiving stereo images");
+    status.summary(DiagnosticStatus::OK, "receiving stereo images");
   } else {
-    status.summary(Level::ERROR, "no synchronised stereo images; " + timeout_);
+    status.summary(DiagnosticStatus::ERROR, "no synchronised stereo images; " + timeout_);
   }
   if (time_of_rejected_stamp_ &&
       (ros::WallTime::now() - *time_of_rejected_stamp_).toSec() < kShownS) {
-    status.mergeSummary(Level::WARN, "message rejected: " + rejected_stamp_);
+    status.mergeSummary(DiagnosticStatus::WARN, "message rejected: " + rejected_stamp_);
   }
   reportPriors(status);
   status.add("synchronised sets", num_sets_);
@@ -266,20 +266,21 @@ void Diagnostics::reportPriors(Status& status) const {
   if (imu_) reportSource("imu samples", *imu_, &status);
   if (wheels_) reportSource("poses by wheels", *wheels_, &status);
   if (prior_.use == PriorUse::kSuspended) {
-    status.mergeSummary(Level::WARN, "motion priors disagree with the images and are not used");
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        "motion priors disagree with the images and are not used");
   }
   if (imu_ && !imu_->trusted) {
-    status.mergeSummary(Level::WARN,
+    status.mergeSummary(DiagnosticStatus::WARN,
                         "the rotation by the IMU disagrees with the images and is not used: check "
                         "the axes of the IMU in tf, its stamps and noise parameters");
   }
   if (!floor_trusted_) {
-    status.mergeSummary(Level::WARN,
+    status.mergeSummary(DiagnosticStatus::WARN,
                         "the robot does not move as on a flat floor, which is not used: check the "
                         "camera's pose in tf, and planar/z_deviation, roll_ and pitch_deviation");
   }
   if (wheels_ && !wheels_->trusted) {
-    status.mergeSummary(Level::WARN,
+    status.mergeSummary(DiagnosticStatus::WARN,
                         "the motion by wheels disagrees with the images and is not used: check "
                         "its scale, the camera's pose in tf, and wheels/slip_x, _y and _yaw");
   }
@@ -292,9 +293,9 @@ void Diagnostics::reportPriors(Status& status) const {
 void Diagnostics::reportCalibration(Status& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (counters_.processed == 0) {
-    status.summary(Level::WARN, "no calibration in use yet");
+    status.summary(DiagnosticStatus::WARN, "no calibration in use yet");
   } else {
-    status.summary(Level::OK, "calibrated pair");
+    status.summary(DiagnosticStatus::OK, "calibrated pair");
   }
   mergeLines(doctor_lines_,
              {DoctorSubject::kCalibration, DoctorSubject::kBaseline, DoctorSubject::kRectification,

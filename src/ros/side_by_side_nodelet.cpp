@@ -15,7 +15,7 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kQueueSize = 5;
+constexpr int kPairQueueSize = 5;
 
 /// Its private parameters, as the class says.
 struct SideBySideParameters {
@@ -64,15 +64,15 @@ void SideBySideNodelet::start() {
     Side& side = sides_[i];
     const std::string& file = parameters.calibrations[i];
     side.frame = parameters.frame_ids[i];
-    side.images = transport.advertise(names[i] + "/image_raw", kQueueSize);
+    side.images = transport.advertise(names[i] + "/image_raw", kPairQueueSize);
     if (file.empty()) continue;
     side.info = toCameraInfo(readCameraInfo(file), {});
-    side.infos = nh.advertise<sensor_msgs::CameraInfo>(names[i] + "/camera_info", kQueueSize);
+    side.infos = nh.advertise<sensor_msgs::CameraInfo>(names[i] + "/camera_info", kPairQueueSize);
   }
   const image_transport::TransportHints hints(parameters.image_transport, ros::TransportHints(),
                                               own);
   subscriber_ = transport.subscribe(nameForTransport(nh, "image_raw", hints.getTransport()),
-                                    kQueueSize, &SideBySideNodelet::take, this, hints);
+                                    kPairQueueSize, &SideBySideNodelet::take, this, hints);
 }
 
 /// An exception that left this callback would end every nodelet of the manager.

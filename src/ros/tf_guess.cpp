@@ -10,7 +10,7 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr std::chrono::milliseconds kPoll{2};
+constexpr std::chrono::milliseconds kTfPoll{2};
 
 }  // namespace
 
@@ -31,7 +31,7 @@ std::optional<Eigen::Isometry3d> TfGuess::lookUp(const ros::Time& stamp) {
       wait_.note(false);
       return std::nullopt;
     }
-    std::this_thread::sleep_for(kPoll);
+    std::this_thread::sleep_for(kTfPoll);
   }
 }
 
