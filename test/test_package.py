@@ -101,7 +101,7 @@ class PackageTest(unittest.TestCase):
                            stdout=subprocess.DEVNULL, check=True)
             with open(os.path.join(build, "compile_commands.json"), encoding="utf-8") as file:
                 calls = [entry["command"] for entry in json.load(file)]
-        self.assertGreater(len(calls), 100)
+        self.assertGreater(len(calls), 30)
         return calls
 
     def test_packages_are_optimised(self):
