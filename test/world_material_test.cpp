@@ -7,11 +7,36 @@
 
 #include "world/material.h"
 #include "world/random.h"
+#include "world/sky.h"
 
 namespace point_line_odometry::world {
 namespace {
 
-Patch patchAt(float u, float v, float size) { return {u, v, size, size, 0.0F, 0.0F}; }
+struct Patch {
+  float u;
+  float v;
+  float size;
+  float slope_u = 0.0F;
+};
+
+Patch patchAt(float u, float v, float size) { return {u, v, size}; }
+
+void add(const Patch& patch, PatchBatch* batch) {
+  const std::size_t i = batch->size++;
+  batch->u[i] = patch.u;
+  batch->v[i] = patch.v;
+  batch->size_u[i] = batch->size_v[i] = patch.size;
+  batch->slope_u[i] = patch.slope_u;
+  batch->slope_v[i] = 0.0F;
+}
+
+float reflectance(const Material& m, const Patch& patch) {
+  PatchBatch batch;
+  add(patch, &batch);
+  Values out;
+  reflectance(m, batch, &out);
+  return out[0];
+}
 
 Material material(Pattern pattern) {
   Random random(3);
@@ -47,6 +72,34 @@ TEST(Material, IsAFunctionOfPositionAndSeed) {
       different += reflectance(m, patchAt(0.13F, 0.11F, 0.002F)) != first ? 1 : 0;
     }
     EXPECT_GT(different, 10) << static_cast<int>(pattern);
+  }
+}
+
+/// Near and far ones, so that some structures are visible in a part of the batch only.
+TEST(Material, OfABatchIsThatOfEachPatch) {
+  Random random(5);
+  for (const Pattern pattern : kPatterns) {
+    for (const float pitch : {0.0F, 3.0F}) {
+      Material m = material(pattern);
+      m.windows.pitch_u = pitch;
+      for (const std::size_t size : {std::size_t{1}, std::size_t{13}, kBatch}) {
+        std::vector<Patch> patches;
+        PatchBatch batch;
+        for (std::size_t i = 0; i < size; ++i) {
+          const double range = std::exp2(random.uniform(0.0, 20.0));
+          patches.push_back({static_cast<float>(random.uniform(-range, range)),
+                             static_cast<float>(random.uniform(-range, range)),
+                             static_cast<float>(std::exp2(random.uniform(-9.0, 5.0))),
+                             static_cast<float>(random.uniform(-1.0, 1.0))});
+          add(patches.back(), &batch);
+        }
+        Values together;
+        reflectance(m, batch, &together);
+        for (std::size_t i = 0; i < size; ++i) {
+          EXPECT_EQ(together[i], reflectance(m, patches[i])) << static_cast<int>(pattern);
+        }
+      }
+    }
   }
 }
 
@@ -173,11 +226,17 @@ TEST(Windows, ARecessShowsItsSideToASlantingRay) {
 TEST(Sky, IsBrightAndSmooth) {
   float low = 1.0F;
   float high = 0.0F;
+  RayBatch ray;
+  ray.size = 1;
   for (int i = 0; i < 360; ++i) {
     const auto angle = static_cast<float>(i * kPi / 180.0);
-    const float value = skyRadiance(7, 0.0F, std::cos(angle), std::sin(angle), 0.2F);
-    low = std::min(low, value);
-    high = std::max(high, value);
+    ray.x[0] = std::cos(angle);
+    ray.y[0] = std::sin(angle);
+    ray.z[0] = 0.2F;
+    Values radiance;
+    skyRadiance({7, 0.0F}, ray, &radiance);
+    low = std::min(low, radiance[0]);
+    high = std::max(high, radiance[0]);
   }
   EXPECT_GT(low, 0.7F);
   EXPECT_LT(high, 1.0F);

@@ -4,7 +4,6 @@
 #include <opencv2/imgproc.hpp>
 
 #include "common/segment_distance.h"
-#include "world/material.h"
 #include "world/random.h"
 
 namespace point_line_odometry::world {
@@ -126,24 +125,37 @@ Bonnet::View Bonnet::see(const PixelRays& rays, const Eigen::Isometry3d& T_left_
   return view;
 }
 
-void Bonnet::paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, const SkyLight& sky,
+void Bonnet::paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, const Sky& sky,
                    cv::Mat* light) const {
   const View& view = views_[camera];
   const Eigen::Matrix3f R = R_world_left.cast<float>();
+  RayBatch to_sky;
+  std::array<cv::Point, kBatch> pixels;
+  const auto paint = [&]() {
+    Values gloss;
+    skyRadiance(sky, to_sky, &gloss);
+    for (std::size_t i = 0; i < to_sky.size; ++i) {
+      const float cover = view.cover.at<float>(pixels[i]);
+      float& out = light->at<float>(pixels[i]);
+      out = (1.0F - cover) * out + view.paint.at<float>(pixels[i]) + cover * (kGloss * gloss[i]);
+    }
+    to_sky.size = 0;
+  };
   for (int y = 0; y < light->rows; ++y) {
     const float* cover = view.cover.ptr<float>(y);
-    const float* paint = view.paint.ptr<float>(y);
     const auto* reflection = view.reflection.ptr<cv::Vec3f>(y);
-    float* out = light->ptr<float>(y);
     for (int x = 0; x < light->cols; ++x) {
       if (cover[x] == 0.0F) continue;
       const cv::Vec3f& r = reflection[x];
-      const Eigen::Vector3f to_sky = R * Eigen::Vector3f(r[0], r[1], r[2]);
-      const float gloss =
-          kGloss * skyRadiance(sky.seed, sky.clouds, to_sky.x(), to_sky.y(), to_sky.z());
-      out[x] = (1.0F - cover[x]) * out[x] + paint[x] + cover[x] * gloss;
+      const Eigen::Vector3f ray = R * Eigen::Vector3f(r[0], r[1], r[2]);
+      pixels[to_sky.size] = cv::Point(x, y);
+      to_sky.x[to_sky.size] = ray.x();
+      to_sky.y[to_sky.size] = ray.y();
+      to_sky.z[to_sky.size] = ray.z();
+      if (++to_sky.size == kBatch) paint();
     }
   }
+  paint();
 }
 
 }  // namespace point_line_odometry::world

@@ -6,14 +6,9 @@
 #include <vector>
 
 #include "world/pixel_rays.h"
+#include "world/sky.h"
 
 namespace point_line_odometry::world {
-
-/// Light of the sky, for reflections.
-struct SkyLight {
-  std::uint32_t seed = 0;
-  float clouds = 0.0F;
-};
 
 /// The bonnet of the robot that carries the cameras, in the lower part of both images: a bent sheet
 /// that is at rest in the left camera, with worn paint, stickers, scratches, bolts and gaps, and
@@ -26,7 +21,7 @@ class Bonnet {
          std::uint32_t seed, int margin_px);
 
   /// Draws it into the light of a camera (0: left), CV_32FC1.
-  void paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, const SkyLight& sky,
+  void paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, const Sky& sky,
              cv::Mat* light) const;
 
   /// CV_8UC1, 0 where a camera sees the bonnet, 255 elsewhere.

@@ -2,41 +2,31 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
+#include "common/processor_clones.h"
+#include "world/noise.h"
 #include "world/random.h"
 
 namespace point_line_odometry::world {
 namespace {
 
-int floorToInt(float x) {
-  const int i = static_cast<int>(x);
-  return i - static_cast<int>(x < static_cast<float>(i));
-}
-
-std::uint32_t cellHash(std::uint32_t seed, int iu, int iv) {
-  return hash(seed, static_cast<std::uint32_t>(iu), static_cast<std::uint32_t>(iv));
-}
-
-float clampUnit(float x) { return std::min(1.0F, std::max(0.0F, x)); }
-
-float blend(float a, float b, float share) { return a + (b - a) * share; }
-
 /// Remaining contrast of structures of a size after averaging over a window of another size.
-float visibility(float structure, float window) { return clampUnit(1.5F - window / structure); }
+inline float visibility(float structure, float window) {
+  return clampUnit(1.5F - window / structure);
+}
 
 /// Length of the window [x - size / 2, x + size / 2] that lies in [begin, end], at most 0 for none.
-float overlap(float x, float size, float begin, float end) {
+inline float overlap(float x, float size, float begin, float end) {
   return std::min(x + 0.5F * size, end) - std::max(x - 0.5F * size, begin);
 }
 
 /// Share of the window [x - size / 2, x + size / 2] that lies in [begin, end].
-float coverage(float x, float size, float begin, float end) {
+inline float coverage(float x, float size, float begin, float end) {
   return clampUnit(overlap(x, size, begin, end) / size);
 }
 
 /// Share of the window that lies in the interval [begin, end] of any period.
-float periodicCoverage(float x, float size, float period, float begin, float end) {
+inline float periodicCoverage(float x, float size, float period, float begin, float end) {
   const float phase = x - period * static_cast<float>(floorToInt(x / period));
   const auto covered = [=](float to) {
     const auto whole = static_cast<float>(floorToInt(to / period));
@@ -46,146 +36,239 @@ float periodicCoverage(float x, float size, float period, float begin, float end
   return clampUnit((covered(phase + 0.5F * size) - covered(phase - 0.5F * size)) / size);
 }
 
-/// Smooth noise in [-1, 1] with knots at whole numbers.
-float smoothNoise(float x, float y, std::uint32_t seed) {
-  const int ix = floorToInt(x);
-  const int iy = floorToInt(y);
-  float fx = x - static_cast<float>(ix);
-  float fy = y - static_cast<float>(iy);
-  fx = fx * fx * (3.0F - 2.0F * fx);
-  fy = fy * fy * (3.0F - 2.0F * fy);
-  const auto knot = [=](int dx, int dy) {
-    return static_cast<float>(cellHash(seed, ix + dx, iy + dy) >> 8) * 0x1p-23F - 1.0F;
-  };
-  return blend(blend(knot(0, 0), knot(1, 0), fx), blend(knot(0, 1), knot(1, 1), fx), fy);
-}
+/// A number in [-1, 1).
+float tone(std::uint32_t bits) { return 2.0F * unit(bits, 0) - 1.0F; }
 
-float noise(const Patch& p, float size, std::uint32_t seed) {
-  const float seen = visibility(size, p.size_u) * visibility(size, p.size_v);
-  return seen > 0.0F ? seen * smoothNoise(p.u / size, p.v / size, seed) : 0.0F;
-}
+/// The patches of a batch in units of a grid's cells. Where the grid is not visible, patches are
+/// moved to its origin, as their own place may be beyond whole numbers.
+struct InCells {
+  using Indices = std::array<int, kBatch>;
 
-/// Cells of a grid of size 1 that a window touches along one axis.
-struct CellRange {
-  int first;
-  int last;
+  Values u;
+  Values v;
+  Values size_u;
+  Values size_v;
+  Values seen;     ///< visibility
+  Indices column;  ///< first cell that a patch touches
+  Indices row;
+  int columns = 0;  ///< that the widest patch touches; 0: the grid is visible nowhere
+  int rows = 0;
 
-  CellRange(float x, float size)
-      : first(floorToInt(x - 0.5F * size)), last(floorToInt(x + 0.5F * size)) {}
+  bool visible() const { return columns > 0; }
 };
 
-/// Area of the patch that the rectangle of a cell covers, times its tone.
-float fleck(const Patch& p, int ix, int iy, std::uint32_t seed) {
-  const std::uint32_t h = cellHash(seed, ix, iy);
-  const float left = static_cast<float>(ix) + 0.05F + 0.45F * unit(h, 0);
-  const float width = overlap(p.u, p.size_u, left, left + 0.12F + 0.36F * unit(h, 2));
-  if (width <= 0.0F) return 0.0F;
-  const float low = static_cast<float>(iy) + 0.05F + 0.45F * unit(h, 1);
-  const float height = overlap(p.v, p.size_v, low, low + 0.12F + 0.36F * unit(h, 3));
-  if (height <= 0.0F) return 0.0F;
-  return width * height * (2.0F * unit(mix(h), 0) - 1.0F);
-}
-
-/// Rectangles with sharp edges, one in every cell of the size, of a tone in [-1, 1].
-float flecks(const Patch& p, float size, std::uint32_t seed) {
-  const float scale = 1.0F / size;
-  const Patch in_cells{p.u * scale, p.v * scale, p.size_u * scale, p.size_v * scale, 0.0F, 0.0F};
-  const float seen = visibility(1.0F, in_cells.size_u) * visibility(1.0F, in_cells.size_v);
-  if (seen <= 0.0F) return 0.0F;
-  const CellRange columns(in_cells.u, in_cells.size_u);
-  const CellRange rows(in_cells.v, in_cells.size_v);
-  float sum = 0.0F;
-  for (int iy = rows.first; iy <= rows.last; ++iy) {
-    for (int ix = columns.first; ix <= columns.last; ++ix) sum += fleck(in_cells, ix, iy, seed);
+/// Expects the places and sizes in cells, and their visibility.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void findCells(std::size_t n, InCells* c) {
+  int any = 0;
+  for (std::size_t i = 0; i < n; ++i) any |= static_cast<int>(c->seen[i] > 0.0F);
+  if (any == 0) return;
+  int columns = 0;
+  int rows = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool visible = c->seen[i] > 0.0F;
+    c->u[i] = visible ? c->u[i] : 0.0F;
+    c->v[i] = visible ? c->v[i] : 0.0F;
+    c->size_u[i] = visible ? c->size_u[i] : 1.0F;
+    c->size_v[i] = visible ? c->size_v[i] : 1.0F;
+    c->column[i] = floorToInt(c->u[i] - 0.5F * c->size_u[i]);
+    c->row[i] = floorToInt(c->v[i] - 0.5F * c->size_v[i]);
+    columns = std::max(columns, floorToInt(c->u[i] + 0.5F * c->size_u[i]) - c->column[i]);
+    rows = std::max(rows, floorToInt(c->v[i] + 0.5F * c->size_v[i]) - c->row[i]);
   }
-  return sum != 0.0F ? seen * sum / (in_cells.size_u * in_cells.size_v) : 0.0F;
+  c->columns = columns + 1;
+  c->rows = rows + 1;
 }
 
-/// Stains and grains of all sizes, in about [-1, 1].
-float roughness(const Patch& p, std::uint32_t seed) {
-  float sum = 0.30F * noise(p, 1.7F, seed) + 0.30F * noise(p, 0.31F, seed + 1) +
-              0.30F * noise(p, 0.06F, seed + 2) + 0.30F * noise(p, 0.015F, seed + 3);
-  sum += 0.7F * flecks(p, 2.3F, seed + 4) + 0.8F * flecks(p, 0.5F, seed + 5) +
-         0.8F * flecks(p, 0.11F, seed + 6) + 0.8F * flecks(p, 0.03F, seed + 7);
-  return sum;
+/// Adds noise with knots at multiples of the size.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addNoise(const PatchBatch& p, float size, std::uint32_t seed, float weight, Values* sum) {
+  Values seen;
+  int any = 0;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    seen[i] = visibility(size, p.size_u[i]) * visibility(size, p.size_v[i]);
+    any |= static_cast<int>(seen[i] > 0.0F);
+  }
+  if (any == 0) return;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float x = p.u[i] / size;
+    const float y = p.v[i] / size;
+    const bool visible = seen[i] > 0.0F;
+    const float noise = smoothNoise(visible ? x : 0.0F, visible ? y : 0.0F, seed);
+    (*sum)[i] += weight * (seen[i] * noise);
+  }
 }
 
-/// A random tone in [-1, 1] for every cell of a grid.
-float cellTone(const Patch& p, float size_u, float size_v, float offset, std::uint32_t seed) {
-  const float seen = visibility(size_u, p.size_u) * visibility(size_v, p.size_v);
-  if (seen <= 0.0F) return 0.0F;
-  const Patch in_cells{(p.u + offset) / size_u, p.v / size_v, p.size_u / size_u,
-                       p.size_v / size_v,       0.0F,         0.0F};
-  const CellRange columns(in_cells.u, in_cells.size_u);
-  const CellRange rows(in_cells.v, in_cells.size_v);
-  float sum = 0.0F;
-  for (int iy = rows.first; iy <= rows.last; ++iy) {
-    const auto low = static_cast<float>(iy);
-    const float in_row = coverage(in_cells.v, in_cells.size_v, low, low + 1.0F);
-    for (int ix = columns.first; ix <= columns.last; ++ix) {
-      const auto left = static_cast<float>(ix);
-      const float in_column = coverage(in_cells.u, in_cells.size_u, left, left + 1.0F);
-      sum += in_row * in_column * (2.0F * unit(cellHash(seed, ix, iy), 0) - 1.0F);
+/// Area of the patch i that the rectangle of a cell covers, times its tone.
+inline float fleck(const InCells& p, std::size_t i, int column, int row, std::uint32_t seed) {
+  const std::uint32_t h = cellHash(seed, column, row);
+  const float left = static_cast<float>(column) + 0.05F + 0.45F * unit(h, 0);
+  const float width = overlap(p.u[i], p.size_u[i], left, left + 0.12F + 0.36F * unit(h, 2));
+  const float low = static_cast<float>(row) + 0.05F + 0.45F * unit(h, 1);
+  const float height = overlap(p.v[i], p.size_v[i], low, low + 0.12F + 0.36F * unit(h, 3));
+  return std::max(0.0F, width) * std::max(0.0F, height) * tone(mix(h));
+}
+
+/// Adds rectangles with sharp edges, one in every cell of the size, of a tone in [-1, 1].
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addFlecks(const PatchBatch& p, float size, std::uint32_t seed, float weight, Values* sum) {
+  const float scale = 1.0F / size;
+  InCells c;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    c.u[i] = p.u[i] * scale;
+    c.v[i] = p.v[i] * scale;
+    c.size_u[i] = p.size_u[i] * scale;
+    c.size_v[i] = p.size_v[i] * scale;
+    c.seen[i] = visibility(1.0F, c.size_u[i]) * visibility(1.0F, c.size_v[i]);
+  }
+  findCells(p.size, &c);
+  if (!c.visible()) return;
+  Values covered{};
+  for (int row = 0; row < c.rows; ++row) {
+    for (int column = 0; column < c.columns; ++column) {
+      for (std::size_t i = 0; i < p.size; ++i) {
+        covered[i] += fleck(c, i, c.column[i] + column, c.row[i] + row, seed);
+      }
     }
   }
-  return seen * sum;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    (*sum)[i] += weight * (c.seen[i] * covered[i] / (c.size_u[i] * c.size_v[i]));
+  }
 }
 
-float rough(const Material& m, const Patch& p) {
-  return m.albedo * (1.0F + m.contrast * roughness(p, m.seed));
+/// Adds stains and grains of all sizes, in about [-1, 1].
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addRoughness(const PatchBatch& p, std::uint32_t seed, float weight, Values* sum) {
+  Values noise{};
+  addNoise(p, 1.7F, seed, 0.30F, &noise);
+  addNoise(p, 0.31F, seed + 1, 0.30F, &noise);
+  addNoise(p, 0.06F, seed + 2, 0.30F, &noise);
+  addNoise(p, 0.015F, seed + 3, 0.30F, &noise);
+  Values flecks{};
+  addFlecks(p, 2.3F, seed + 4, 0.7F, &flecks);
+  addFlecks(p, 0.5F, seed + 5, 0.8F, &flecks);
+  addFlecks(p, 0.11F, seed + 6, 0.8F, &flecks);
+  addFlecks(p, 0.03F, seed + 7, 0.8F, &flecks);
+  for (std::size_t i = 0; i < p.size; ++i) (*sum)[i] += weight * (noise[i] + flecks[i]);
 }
 
-float plain(const Material& m, const Patch& p) {
-  return m.albedo * (1.0F + m.contrast * noise(p, 2.7F, m.seed));
+/// Adds a random tone in [-1, 1] for every cell of a grid, each patch moved by an offset along u.
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addCellTones(const PatchBatch& p, const Material& m, const Values& offset, float weight,
+                  Values* sum) {
+  InCells c;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    c.u[i] = (p.u[i] + offset[i]) / m.size_u;
+    c.v[i] = p.v[i] / m.size_v;
+    c.size_u[i] = p.size_u[i] / m.size_u;
+    c.size_v[i] = p.size_v[i] / m.size_v;
+    c.seen[i] = visibility(m.size_u, p.size_u[i]) * visibility(m.size_v, p.size_v[i]);
+  }
+  findCells(p.size, &c);
+  if (!c.visible()) return;
+  Values covered{};
+  for (int row = 0; row < c.rows; ++row) {
+    for (int column = 0; column < c.columns; ++column) {
+      for (std::size_t i = 0; i < p.size; ++i) {
+        const auto low = static_cast<float>(c.row[i] + row);
+        const auto left = static_cast<float>(c.column[i] + column);
+        covered[i] += coverage(c.v[i], c.size_v[i], low, low + 1.0F) *
+                      coverage(c.u[i], c.size_u[i], left, left + 1.0F) *
+                      tone(cellHash(m.seed, c.column[i] + column, c.row[i] + row));
+      }
+    }
+  }
+  for (std::size_t i = 0; i < p.size; ++i) (*sum)[i] += weight * (c.seen[i] * covered[i]);
 }
 
-float bricks(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void paintTones(const Material& m, const Values& tones, std::size_t n, Values* out) {
+  for (std::size_t i = 0; i < n; ++i) (*out)[i] = m.albedo * (1.0F + m.contrast * tones[i]);
+}
+
+void rough(const Material& m, const PatchBatch& p, Values* out) {
+  Values tones{};
+  addRoughness(p, m.seed, 1.0F, &tones);
+  paintTones(m, tones, p.size, out);
+}
+
+void plain(const Material& m, const PatchBatch& p, Values* out) {
+  Values tones{};
+  addNoise(p, 2.7F, m.seed, 1.0F, &tones);
+  paintTones(m, tones, p.size, out);
+}
+
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void bricks(const Material& m, const PatchBatch& p, Values* out) {
   constexpr float kJoint = 0.012F;
-  const int course = floorToInt(p.v / m.size_v);
-  const float offset = (course & 1) != 0 ? 0.5F * m.size_u : 0.0F;
-  const float brick = periodicCoverage(p.u + offset, p.size_u, m.size_u, kJoint, m.size_u) *
-                      periodicCoverage(p.v, p.size_v, m.size_v, kJoint, m.size_v);
-  const float tone =
-      0.8F * cellTone(p, m.size_u, m.size_v, offset, m.seed) + 0.5F * roughness(p, m.seed + 100);
+  Values offset{};
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const int course = floorToInt(p.v[i] / m.size_v);
+    offset[i] = (course & 1) != 0 ? 0.5F * m.size_u : 0.0F;
+  }
+  Values tones{};
+  addCellTones(p, m, offset, 0.8F, &tones);
+  addRoughness(p, m.seed + 100, 0.5F, &tones);
   const float joint = std::min(0.9F, 1.35F * m.albedo);
-  return blend(joint, m.albedo * (1.0F + m.contrast * tone), brick);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float brick =
+        periodicCoverage(p.u[i] + offset[i], p.size_u[i], m.size_u, kJoint, m.size_u) *
+        periodicCoverage(p.v[i], p.size_v[i], m.size_v, kJoint, m.size_v);
+    (*out)[i] = blend(joint, m.albedo * (1.0F + m.contrast * tones[i]), brick);
+  }
 }
 
-float tiles(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void tiles(const Material& m, const PatchBatch& p, Values* out) {
   const float joint_u = std::min(0.012F, 0.1F * m.size_u);
   const float joint_v = std::min(0.012F, 0.1F * m.size_v);
-  const float tile = periodicCoverage(p.u, p.size_u, m.size_u, joint_u, m.size_u) *
-                     periodicCoverage(p.v, p.size_v, m.size_v, joint_v, m.size_v);
-  const float tone =
-      0.7F * cellTone(p, m.size_u, m.size_v, 0.0F, m.seed) + 0.5F * roughness(p, m.seed + 100);
-  return blend(0.55F * m.albedo, m.albedo * (1.0F + m.contrast * tone), tile);
+  Values tones{};
+  addCellTones(p, m, Values{}, 0.7F, &tones);
+  addRoughness(p, m.seed + 100, 0.5F, &tones);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float tile = periodicCoverage(p.u[i], p.size_u[i], m.size_u, joint_u, m.size_u) *
+                       periodicCoverage(p.v[i], p.size_v[i], m.size_v, joint_v, m.size_v);
+    (*out)[i] = blend(0.55F * m.albedo, m.albedo * (1.0F + m.contrast * tones[i]), tile);
+  }
 }
 
-float panels(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void panels(const Material& m, const PatchBatch& p, Values* out) {
   constexpr float kGroove = 0.014F;
-  const float panel = periodicCoverage(p.u, p.size_u, m.size_u, kGroove, m.size_u) *
-                      periodicCoverage(p.v, p.size_v, m.size_v, kGroove, m.size_v);
-  return plain(m, p) * blend(0.45F, 1.0F, panel);
+  plain(m, p, out);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float panel = periodicCoverage(p.u[i], p.size_u[i], m.size_u, kGroove, m.size_u) *
+                        periodicCoverage(p.v[i], p.size_v[i], m.size_v, kGroove, m.size_v);
+    (*out)[i] *= blend(0.45F, 1.0F, panel);
+  }
 }
 
 /// Shapes over a background, and rows of letters.
-float picture(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void picture(const Material& m, const PatchBatch& p, Values* out) {
   const float scale = std::min(m.size_u, m.size_v);
-  const float border = std::min(coverage(p.u, p.size_u, 0.04F * scale, m.size_u - 0.04F * scale),
-                                coverage(p.v, p.size_v, 0.04F * scale, m.size_v - 0.04F * scale));
-  float tone = 0.6F * noise(p, 0.5F * scale, m.seed) + 1.1F * flecks(p, 0.45F * scale, m.seed + 1) +
-               0.9F * flecks(p, 0.19F * scale, m.seed + 2);
-  const float row = periodicCoverage(p.v, p.size_v, 0.17F * scale, 0.02F * scale, 0.1F * scale);
-  tone += row * (1.0F * flecks(p, 0.06F * scale, m.seed + 3) +
-                 0.5F * flecks(p, 0.021F * scale, m.seed + 4));
-  const float inside = m.albedo * (1.0F + m.contrast * tone);
-  return blend(0.9F, std::max(0.03F, inside), border);
+  Values shapes{};
+  addNoise(p, 0.5F * scale, m.seed, 0.6F, &shapes);
+  addFlecks(p, 0.45F * scale, m.seed + 1, 1.1F, &shapes);
+  addFlecks(p, 0.19F * scale, m.seed + 2, 0.9F, &shapes);
+  Values letters{};
+  addFlecks(p, 0.06F * scale, m.seed + 3, 1.0F, &letters);
+  addFlecks(p, 0.021F * scale, m.seed + 4, 0.5F, &letters);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float border =
+        std::min(coverage(p.u[i], p.size_u[i], 0.04F * scale, m.size_u - 0.04F * scale),
+                 coverage(p.v[i], p.size_v[i], 0.04F * scale, m.size_v - 0.04F * scale));
+    const float row =
+        periodicCoverage(p.v[i], p.size_v[i], 0.17F * scale, 0.02F * scale, 0.1F * scale);
+    const float inside = m.albedo * (1.0F + m.contrast * (shapes[i] + row * letters[i]));
+    (*out)[i] = blend(0.9F, std::max(0.03F, inside), border);
+  }
 }
 
 constexpr float kBoard = 0.03F;  // thickness of a shelf's board [m]
 
 /// Light from three books of random breadth, height and tone in a stretch of a board.
-float books(const Material& m, const Patch& p, int stretch, int level) {
+inline float books(const Material& m, const PatchBatch& p, std::size_t i, int stretch, int level) {
   const std::uint32_t h = cellHash(m.seed, stretch, level);
   const float foot = static_cast<float>(level) * m.size_v;
   const std::array<float, 4> borders = {0.0F, 0.2F + 0.2F * unit(h, 0), 0.55F + 0.25F * unit(h, 1),
@@ -196,133 +279,162 @@ float books(const Material& m, const Patch& p, int stretch, int level) {
     const float begin = (static_cast<float>(stretch) + borders[book]) * m.size_u;
     const float end = (static_cast<float>(stretch) + borders[book + 1]) * m.size_u;
     const float top = foot + m.size_v * (0.55F + 0.35F * unit(b, 1));
-    const float label = coverage(p.v, p.size_v, foot + 0.2F * m.size_v, foot + 0.3F * m.size_v);
-    const float cover = coverage(p.v, p.size_v, foot + kBoard, top) - label;
-    sum += coverage(p.u, p.size_u, begin, end) *
+    const float label =
+        coverage(p.v[i], p.size_v[i], foot + 0.2F * m.size_v, foot + 0.3F * m.size_v);
+    const float cover = coverage(p.v[i], p.size_v[i], foot + kBoard, top) - label;
+    sum += coverage(p.u[i], p.size_u[i], begin, end) *
            (cover * (0.1F + 0.8F * unit(b, 0)) + label * (0.1F + 0.8F * unit(b, 2)));
   }
   return sum;
 }
 
-float shelf(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void shelf(const Material& m, const PatchBatch& p, Values* out) {
   constexpr float kMean = 0.35F;
-  const float seen = visibility(3.0F * m.size_u, p.size_u) * visibility(3.0F * m.size_v, p.size_v);
-  float tone = 0.0F;
-  if (seen > 0.0F) {
-    const CellRange stretches(p.u / m.size_u, p.size_u / m.size_u);
-    const CellRange levels(p.v / m.size_v, p.size_v / m.size_v);
-    for (int level = levels.first; level <= levels.last; ++level) {
-      for (int stretch = stretches.first; stretch <= stretches.last; ++stretch) {
-        tone += books(m, p, stretch, level);
+  InCells c;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    c.u[i] = p.u[i] / m.size_u;
+    c.v[i] = p.v[i] / m.size_v;
+    c.size_u[i] = p.size_u[i] / m.size_u;
+    c.size_v[i] = p.size_v[i] / m.size_v;
+    c.seen[i] = visibility(3.0F * m.size_u, p.size_u[i]) * visibility(3.0F * m.size_v, p.size_v[i]);
+  }
+  findCells(p.size, &c);
+  Values light{};
+  for (int row = 0; row < c.rows; ++row) {
+    for (int column = 0; column < c.columns; ++column) {
+      for (std::size_t i = 0; i < p.size; ++i) {
+        light[i] += books(m, p, i, c.column[i] + column, c.row[i] + row);
       }
     }
   }
-  const float board = periodicCoverage(p.v, p.size_v, m.size_v, 0.0F, kBoard);
-  return m.albedo * (blend(kMean, tone, seen) + 1.1F * board);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float board = periodicCoverage(p.v[i], p.size_v[i], m.size_v, 0.0F, kBoard);
+    const float mean = c.seen[i] > 0.0F ? light[i] : 0.0F;
+    (*out)[i] = m.albedo * (blend(kMean, mean, c.seen[i]) + 1.1F * board);
+  }
 }
 
-float leaves(const Material& m, const Patch& p) {
-  const float tone = 0.5F * noise(p, 0.9F, m.seed) + 0.6F * noise(p, 0.27F, m.seed + 1) +
-                     0.8F * noise(p, 0.11F, m.seed + 2) + 0.8F * flecks(p, 0.21F, m.seed + 3) +
-                     0.9F * flecks(p, 0.08F, m.seed + 4) + 0.8F * noise(p, 0.04F, m.seed + 5);
-  return m.albedo * std::max(0.12F, 1.0F + m.contrast * tone);
+void leaves(const Material& m, const PatchBatch& p, Values* out) {
+  Values tones{};
+  addNoise(p, 0.9F, m.seed, 0.5F, &tones);
+  addNoise(p, 0.27F, m.seed + 1, 0.6F, &tones);
+  addNoise(p, 0.11F, m.seed + 2, 0.8F, &tones);
+  addFlecks(p, 0.21F, m.seed + 3, 0.8F, &tones);
+  addFlecks(p, 0.08F, m.seed + 4, 0.9F, &tones);
+  addNoise(p, 0.04F, m.seed + 5, 0.8F, &tones);
+  for (std::size_t i = 0; i < p.size; ++i) {
+    (*out)[i] = m.albedo * std::max(0.12F, 1.0F + m.contrast * tones[i]);
+  }
 }
 
-/// Soft round spots, one in every cell of a grid and a third to all of it wide, of a tone in
+/// Adds soft round spots, one in every cell of a grid and a third to all of it wide, of a tone in
 /// [-1, 1] in the middle.
-float roundSpots(const Patch& p, float cells_per_m, std::uint32_t seed) {
-  const float seen =
-      visibility(1.0F, p.size_u * cells_per_m) * visibility(1.0F, p.size_v * cells_per_m);
-  if (seen <= 0.0F) return 0.0F;
-  const float u = p.u * cells_per_m;
-  const float v = p.v * cells_per_m;
-  const int iu = floorToInt(u);
-  const int iv = floorToInt(v);
-  const std::uint32_t h = cellHash(seed, iu, iv);
-  const float radius = 0.16F + 0.34F * unit(h, 0);
-  const float room = 1.0F - 2.0F * radius;
-  const float du = u - static_cast<float>(iu) - radius - room * unit(h, 1);
-  const float dv = v - static_cast<float>(iv) - radius - room * unit(h, 2);
-  const float outside = du * du + dv * dv - radius * radius;
-  if (outside >= 0.0F) return 0.0F;
-  const float inside = outside / (radius * radius);
-  return seen * inside * inside * (2.0F * unit(h, 3) - 1.0F);
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void addRoundSpots(const PatchBatch& p, float cells_per_m, std::uint32_t seed, Values* sum) {
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float seen =
+        visibility(1.0F, p.size_u[i] * cells_per_m) * visibility(1.0F, p.size_v[i] * cells_per_m);
+    const float u = seen > 0.0F ? p.u[i] * cells_per_m : 0.0F;
+    const float v = seen > 0.0F ? p.v[i] * cells_per_m : 0.0F;
+    const int column = floorToInt(u);
+    const int row = floorToInt(v);
+    const std::uint32_t h = cellHash(seed, column, row);
+    const float radius = 0.16F + 0.34F * unit(h, 0);
+    const float room = 1.0F - 2.0F * radius;
+    const float du = u - static_cast<float>(column) - radius - room * unit(h, 1);
+    const float dv = v - static_cast<float>(row) - radius - room * unit(h, 2);
+    const float outside = du * du + dv * dv - radius * radius;
+    const float inside = std::min(0.0F, outside) / (radius * radius);
+    (*sum)[i] += seen * inside * inside * (2.0F * unit(h, 3) - 1.0F);
+  }
 }
 
-float spots(const Material& m, const Patch& p) {
-  // Spots of 6 to 20 cm and of 3 to 9 cm.
-  const float tone =
-      roundSpots(p, 5.0F, m.seed) + roundSpots(p, 10.8F, m.seed + 1) + noise(p, 2.7F, m.seed + 2);
-  return m.albedo * (1.0F + m.contrast * tone);
+void spots(const Material& m, const PatchBatch& p, Values* out) {
+  Values tones{};
+  addRoundSpots(p, 5.0F, m.seed, &tones);       // of 6 to 20 cm
+  addRoundSpots(p, 10.8F, m.seed + 1, &tones);  // of 3 to 9 cm
+  addNoise(p, 2.7F, m.seed + 2, 1.0F, &tones);
+  paintTones(m, tones, p.size, out);
 }
 
-float wall(const Material& m, const Patch& p) {
+void wall(const Material& m, const PatchBatch& p, Values* out) {
   switch (m.pattern) {
     case Pattern::kPlain:
-      return plain(m, p);
+      return plain(m, p, out);
     case Pattern::kRough:
-      return rough(m, p);
+      return rough(m, p, out);
     case Pattern::kBricks:
-      return bricks(m, p);
+      return bricks(m, p, out);
     case Pattern::kTiles:
-      return tiles(m, p);
+      return tiles(m, p, out);
     case Pattern::kPanels:
-      return panels(m, p);
+      return panels(m, p, out);
     case Pattern::kPicture:
-      return picture(m, p);
+      return picture(m, p, out);
     case Pattern::kShelf:
-      return shelf(m, p);
+      return shelf(m, p, out);
     case Pattern::kLeaves:
-      return leaves(m, p);
+      return leaves(m, p, out);
     case Pattern::kSpots:
-      return spots(m, p);
+      return spots(m, p, out);
   }
-  return m.albedo;
 }
 
-/// Frame, bars, glass and curtains of the windows, seen at the depth of the glass.
-float glass(const Material& m, const Patch& p) {
+/// Frame, bars, glass and curtains of the windows, at (u, v) at the depth of the glass.
+inline float glass(const Material& m, float u, float v, float size_u, float size_v) {
   const Windows& w = m.windows;
   constexpr float kFrame = 0.07F;
   const std::uint32_t h =
-      cellHash(m.seed + 7, floorToInt(p.u / w.pitch_u), floorToInt(p.v / w.pitch_v));
+      cellHash(m.seed + 7, floorToInt(u / w.pitch_u), floorToInt(v / w.pitch_v));
   const float left = 0.5F * (w.pitch_u - w.width);
   const float middle = 0.5F * w.pitch_u;
   const float cross = w.sill + w.height * 0.68F;
   const auto column = [&](float begin, float end) {
-    return periodicCoverage(p.u, p.size_u, w.pitch_u, begin, end);
+    return periodicCoverage(u, size_u, w.pitch_u, begin, end);
   };
   const auto row = [&](float begin, float end) {
-    return periodicCoverage(p.v, p.size_v, w.pitch_v, begin, end);
+    return periodicCoverage(v, size_v, w.pitch_v, begin, end);
   };
   const float panes =
       (column(left + kFrame, middle - 0.5F * kFrame) +
        column(middle + 0.5F * kFrame, left + w.width - kFrame)) *
       (row(w.sill + kFrame, cross) + row(cross + kFrame, w.sill + w.height - kFrame));
-  const float seen = visibility(w.pitch_u, p.size_u) * visibility(w.pitch_v, p.size_v);
+  const float seen = visibility(w.pitch_u, size_u) * visibility(w.pitch_v, size_v);
   const float blind = row(w.sill + w.height * (0.3F + 0.7F * unit(h, 0)), w.sill + w.height);
   const float curtain = column(left, left + w.width * 0.45F * unit(h, 1));
-  float behind = 0.08F + 0.1F * unit(h, 2);
-  behind = blend(behind, 0.55F, 0.8F * seen * std::max(blind, curtain));
-  return blend(0.75F, behind, std::min(1.0F, panes));
+  const float room =
+      blend(0.08F + 0.1F * unit(h, 2), 0.55F, 0.8F * seen * std::max(blind, curtain));
+  return blend(0.75F, room, std::min(1.0F, panes));
 }
 
-float wallWithWindows(const Material& m, const Patch& p) {
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void wallWithWindows(const Material& m, const PatchBatch& p, Values* out) {
   const Windows& w = m.windows;
   const float left = 0.5F * (w.pitch_u - w.width);
-  const auto opening = [&](float u, float v) {
-    return periodicCoverage(u, p.size_u, w.pitch_u, left, left + w.width) *
-           periodicCoverage(v, p.size_v, w.pitch_v, w.sill, w.sill + w.height);
+  const auto opening = [&](float u, float v, std::size_t i) {
+    return periodicCoverage(u, p.size_u[i], w.pitch_u, left, left + w.width) *
+           periodicCoverage(v, p.size_v[i], w.pitch_v, w.sill, w.sill + w.height);
   };
-  const float open = opening(p.u, p.v);
-  if (open <= 0.0F) return wall(m, p);
-  Patch deep = p;
-  deep.u += w.recess * p.slope_u;
-  deep.v += w.recess * p.slope_v;
-  const float seen = opening(deep.u, deep.v);  // the rest is the side of the opening
-  const float behind =
-      seen > 0.0F ? blend(0.65F * m.albedo, glass(m, deep), seen) : 0.65F * m.albedo;
-  return open < 1.0F ? blend(wall(m, p), behind, open) : behind;
+  Values open;
+  int any_open = 0;
+  int any_closed = 0;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    open[i] = opening(p.u[i], p.v[i], i);
+    any_open |= static_cast<int>(open[i] > 0.0F);
+    any_closed |= static_cast<int>(open[i] < 1.0F);
+  }
+  if (any_closed != 0) wall(m, p, out);
+  if (any_open == 0) return;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    const float u = p.u[i] + w.recess * p.slope_u[i];
+    const float v = p.v[i] + w.recess * p.slope_v[i];
+    const float seen = opening(u, v, i);  // the rest is the side of the opening
+    const float behind = blend(0.65F * m.albedo, glass(m, u, v, p.size_u[i], p.size_v[i]), seen);
+    const float before = open[i] < 1.0F ? (*out)[i] : 0.0F;
+    const float mixed = open[i] < 1.0F ? blend(before, behind, open[i]) : behind;
+    (*out)[i] = open[i] > 0.0F ? mixed : before;
+  }
 }
 
 }  // namespace
@@ -344,25 +456,12 @@ Material makeMaterial(Pattern pattern, double albedo, double contrast, const Eig
   return material;
 }
 
-float reflectance(const Material& material, const Patch& patch) {
-  return material.windows.pitch_u > 0.0F ? wallWithWindows(material, patch) : wall(material, patch);
-}
-
-float skyRadiance(std::uint32_t seed, float clouds, float x, float y, float z) {
-  const float level = std::sqrt(x * x + y * y) + 1e-6F;
-  const float height = clampUnit(z / level);
-  const float east = 2.0F * x / level;
-  const float north = 2.0F * y / level;
-  const Patch p{east + 0.7F * height, north - 0.4F * height, 0.0F, 0.0F, 0.0F, 0.0F};
-  const float mist = 0.05F * noise(p, 0.35F, seed) + 0.03F * noise(p, 0.12F, seed + 1);
-  const float misty = 0.86F - 0.12F * height + 2.0F * mist * height;
-  if (clouds <= 0.0F) return misty;
-  const float distance = 1.0F / (height + 0.2F);  // to a layer of clouds
-  const Patch layer{distance * x / level, distance * y / level, 0.0F, 0.0F, 0.0F, 0.0F};
-  const float density = noise(layer, 1.2F, seed + 2) + 0.5F * noise(layer, 0.45F, seed + 3) +
-                        0.3F * noise(layer, 0.17F, seed + 4) + 0.2F * noise(layer, 0.07F, seed + 5);
-  const float cloud = clampUnit(0.45F + 1.1F * density);
-  return misty - 0.3F * clouds * (1.0F - cloud) * clampUnit(6.0F * height);
+void reflectance(const Material& material, const PatchBatch& patches, Values* out) {
+  if (material.windows.pitch_u > 0.0F) {
+    wallWithWindows(material, patches, out);
+  } else {
+    wall(material, patches, out);
+  }
 }
 
 }  // namespace point_line_odometry::world

@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <cstdint>
 
+#include "world/batch.h"
+
 namespace point_line_odometry::world {
 
 class Random;
@@ -49,21 +51,7 @@ Material makeMaterial(Pattern pattern, double albedo, double contrast, Random* r
 Material makeMaterial(Pattern pattern, double albedo, double contrast, const Eigen::Vector2d& size,
                       Random* random);
 
-/// The patch of a surface that a pixel sees.
-struct Patch {
-  float u = 0.0F;  ///< centre [m]
-  float v = 0.0F;
-  float size_u = 0.0F;  ///< extent [m]; structures that are smaller fade to their mean
-  float size_v = 0.0F;
-  float slope_u = 0.0F;  ///< sideways shift of the ray per metre behind the surface
-  float slope_v = 0.0F;
-};
-
-/// Mean share of the light that the patch reflects.
-float reflectance(const Material& material, const Patch& patch);
-
-/// Brightness of the sky in a direction (z up) of any length.
-/// \param clouds contrast of clouds on a darker sky, 0 ... 1; 0: bright mist.
-float skyRadiance(std::uint32_t seed, float clouds, float x, float y, float z);
+/// Mean share of the light that each patch reflects.
+void reflectance(const Material& material, const PatchBatch& patches, Values* out);
 
 }  // namespace point_line_odometry::world

@@ -22,7 +22,7 @@ inline std::uint32_t hash(std::uint32_t seed, std::uint32_t a, std::uint32_t b =
 
 /// Byte `index` (0 ... 3) of a hash as a number in [0, 1).
 inline float unit(std::uint32_t hash, int index) {
-  return static_cast<float>((hash >> (8 * index)) & 0xffU) * (1.0F / 256.0F);
+  return static_cast<float>(static_cast<int>((hash >> (8 * index)) & 0xffU)) * (1.0F / 256.0F);
 }
 
 /// Numbers in the order of the calls, the same on every platform (std's distributions are not).

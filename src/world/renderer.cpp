@@ -5,16 +5,12 @@
 #include <cmath>
 #include <opencv2/core/utility.hpp>
 
+#include "world/shading.h"
+#include "world/sky.h"
 #include "world/visible_surfaces.h"
 
 namespace point_line_odometry::world {
 namespace {
-
-struct SkyView {
-  Eigen::Matrix3f R_world_camera;
-  std::uint32_t seed = 0;
-  float clouds = 0.0F;
-};
 
 /// Draws one view; blocks of pixels may be drawn at the same time.
 class Painter {
@@ -23,8 +19,8 @@ class Painter {
   Painter(const Scene& scene, const std::vector<Instance>& movers, const View& view,
           const PixelBlock& area, cv::Mat* image)
       : rays_(*view.rays),
-        sky_{view.T_world_camera.linear().cast<float>(), scene.seed,
-             static_cast<float>(scene.clouds)},
+        sky_{scene.seed, static_cast<float>(scene.clouds)},
+        R_world_camera_(view.T_world_camera.linear().cast<float>()),
         haze_per_m_(static_cast<float>(1.0 / scene.haze_m)),
         visible_(findVisibleSurfaces(scene, movers, view.T_world_camera, rays_.bounds(area))),
         first_row_(area.y),
@@ -33,13 +29,28 @@ class Painter {
   void paint(const PixelBlock& block) const {
     std::vector<int> candidates(visible_.surfaces.size());
     for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
-    paint(block, 0, &candidates);
+    Samples samples(visible_.surfaces.size() + 1);
+    sample(block, 0, &candidates, &samples);
+    write(&samples);
   }
 
  private:
   const SeenSurface& surface(int index) const {
     return visible_.surfaces[static_cast<std::size_t>(index)];
   }
+
+  void write(Samples* samples) const {
+    samples->write([this](std::size_t seen, const SampleBatch& batch, std::size_t size) {
+      if (seen == sky()) {
+        shadeSky(sky_, R_world_camera_, batch, size);
+      } else {
+        shadeSurface(visible_.surfaces[seen], haze_per_m_, batch, size);
+      }
+    });
+  }
+
+  /// The sky's place in the samples, after the surfaces.
+  std::size_t sky() const { return visible_.surfaces.size(); }
 
   static bool overlap(const PlaneBounds& a, const PlaneBounds& b) {
     return a.x_low <= b.x_high && b.x_low <= a.x_high && a.y_low <= b.y_high && b.y_low <= a.y_high;
@@ -61,9 +72,10 @@ class Painter {
     return whole ? Cover::kWhole : Cover::kPart;
   }
 
-  /// Paints a block. The surfaces that may be seen in it are the end of `candidates`, from `first`
-  /// on; those appended here are removed again.
-  void paint(const PixelBlock& block, std::size_t first, std::vector<int>* candidates) const {
+  /// Finds what is seen in a block. The surfaces that may be are the end of `candidates`, from
+  /// `first` on; those appended here are removed again.
+  void sample(const PixelBlock& block, std::size_t first, std::vector<int>* candidates,
+              Samples* samples) const {
     const PlaneBounds bounds = rays_.bounds(block);
     const PlaneBlock plane(bounds);
     const std::size_t last = candidates->size();
@@ -84,13 +96,13 @@ class Painter {
     if (nearest >= 0) dropHidden(plane, nearest, last, candidates);
     const std::size_t count = candidates->size() - last;
     if (count == 0) {
-      paintSky(block);
+      sampleWhole(block, sky(), samples);
     } else if (count == 1 && nearest >= 0) {
-      paintSurface(block, surface(nearest));
+      sampleWhole(block, static_cast<std::size_t>(nearest), samples);
     } else if (block.width == 1 && block.height == 1) {
-      paintMixed(block, last, *candidates);
+      sampleMixed(block, last, *candidates, samples);
     } else {
-      for (const PixelBlock& half : halves(block)) paint(half, last, candidates);
+      for (const PixelBlock& half : halves(block)) sample(half, last, candidates, samples);
     }
     candidates->resize(last);
   }
@@ -124,52 +136,30 @@ class Painter {
     return top + down * (bottom - top);
   }
 
-  void paintSky(const PixelBlock& block) const {
+  Sample sampleOf(int x, int y, const cv::Point2f& at, int rays) const {
+    Sample sample;
+    sample.pixel = image_->ptr<float>(y - first_row_, x);
+    sample.at = at;
+    sample.extent = rays_.corner(x + 1, y + 1) - rays_.corner(x, y);
+    sample.rays = rays;
+    return sample;
+  }
+
+  void sampleWhole(const PixelBlock& block, std::size_t surface, Samples* samples) const {
     for (int y = block.y; y < block.y + block.height; ++y) {
-      float* row = image_->ptr<float>(y - first_row_);
       for (int x = block.x; x < block.x + block.width; ++x) {
-        row[x] = sky(inPixel(x, y, 0.5F, 0.5F));
+        if (!samples->hasRoomForPixel()) write(samples);
+        samples->add(surface, sampleOf(x, y, inPixel(x, y, 0.5F, 0.5F), Samples::kRays));
       }
     }
   }
 
-  float sky(const cv::Point2f& p) const {
-    const Eigen::Vector3f ray = sky_.R_world_camera * Eigen::Vector3f(p.x, p.y, 1.0F);
-    return skyRadiance(sky_.seed, sky_.clouds, ray.x(), ray.y(), ray.z());
-  }
-
-  void paintSurface(const PixelBlock& block, const SeenSurface& surface) const {
-    for (int y = block.y; y < block.y + block.height; ++y) {
-      float* row = image_->ptr<float>(y - first_row_);
-      for (int x = block.x; x < block.x + block.width; ++x) {
-        row[x] = shade(surface, x, y, inPixel(x, y, 0.5F, 0.5F));
-      }
-    }
-  }
-
-  float shade(const SeenSurface& s, int x, int y, const cv::Point2f& p) const {
-    const cv::Point2f pixel = rays_.corner(x + 1, y + 1) - rays_.corner(x, y);
-    const float q = s.q.at(p);
-    const float z = 1.0F / q;
-    Patch patch;
-    patch.u = s.uq.at(p) * z;
-    patch.v = s.vq.at(p) * z;
-    patch.size_u = z * (std::abs((s.uq.a - patch.u * s.q.a) * pixel.x) +
-                        std::abs((s.uq.b - patch.u * s.q.b) * pixel.y));
-    patch.size_v = z * (std::abs((s.vq.a - patch.v * s.q.a) * pixel.x) +
-                        std::abs((s.vq.b - patch.v * s.q.b) * pixel.y));
-    patch.slope_u = (patch.u - s.eye_u) / s.eye_height;
-    patch.slope_v = (patch.v - s.eye_v) / s.eye_height;
-    constexpr float kHazeRadiance = 0.8F;
-    const float clear = q / (q + haze_per_m_);
-    return clear * s.light * reflectance(*s.material, patch) + (1.0F - clear) * kHazeRadiance;
-  }
-
-  /// A pixel in which more than one surface may be seen: the mean over 16 rays, each surface
-  /// shaded once at the middle of its rays.
-  void paintMixed(const PixelBlock& pixel, std::size_t first,
-                  const std::vector<int>& candidates) const {
-    constexpr int kRays = 16;
+  /// A pixel in which more than one surface may be seen: each is sampled once, in the middle of its
+  /// rays.
+  void sampleMixed(const PixelBlock& pixel, std::size_t first, const std::vector<int>& candidates,
+                   Samples* samples) const {
+    constexpr int kRays = Samples::kRays;
+    if (!samples->hasRoomForPixel()) write(samples);
     std::array<cv::Point2f, kRays> points;
     std::array<float, kRays> nearest_q{};
     std::array<int, kRays> nearest;
@@ -187,7 +177,6 @@ class Painter {
         nearest[i] = candidates[k];
       }
     }
-    float sum = 0.0F;
     for (int i = 0; i < kRays; ++i) {
       if (nearest[i] == kDone) continue;
       const int index = nearest[i];
@@ -200,11 +189,9 @@ class Painter {
         nearest[k] = kDone;
       }
       middle *= 1.0F / static_cast<float>(count);
-      const float radiance =
-          index < 0 ? sky(middle) : shade(surface(index), pixel.x, pixel.y, middle);
-      sum += radiance * static_cast<float>(count);
+      samples->add(index < 0 ? sky() : static_cast<std::size_t>(index),
+                   sampleOf(pixel.x, pixel.y, middle, count));
     }
-    image_->at<float>(pixel.y - first_row_, pixel.x) = sum / kRays;
   }
 
   static bool inside(const SeenSurface& surface, const cv::Point2f& p) {
@@ -217,7 +204,8 @@ class Painter {
   static constexpr int kDone = -2;
 
   const PixelRays& rays_;
-  SkyView sky_;
+  Sky sky_;
+  Eigen::Matrix3f R_world_camera_;
   float haze_per_m_;
   VisibleSurfaces visible_;
   int first_row_;
