@@ -6,7 +6,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
 #include <vector>
 
 #include "odometry/uncertainty.h"
@@ -25,10 +29,13 @@ struct RunResult {
   std::vector<Eigen::Isometry3d> ground_truth;  // relative to frame 0
 };
 
+/// Draws something into both images of a frame of the world's path.
+using Draw = std::function<void(std::size_t frame, StereoImages* images)>;
+
 /// Without masks. \param every every such frame of the world's path is taken. \param first frame of
 /// it.
 RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames, std::size_t every = 1,
-              std::size_t first = 0) {
+              std::size_t first = 0, const Draw& draw = nullptr) {
   const SyntheticWorld world(options);
   const StereoRectifier rectifier(world.calibration());
   Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
@@ -40,6 +47,7 @@ RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames, std:
     StereoImages images = world.render(k);
     images.left_mask = images.right_mask = cv::Mat();
     if (world.needsRectification()) images = rectifier.rectify(images);
+    if (draw) draw(k, &images);
     run_result.results.push_back(odometry.process(images));
     run_result.ground_truth.push_back(T_rectified_raw * world.pose(k).T_world_camera *
                                       T_rectified_raw.inverse());
@@ -209,6 +217,62 @@ struct BodyCase {
   const char* scene;
   std::size_t every;
 };
+
+/// Each motion is right to a few centimetres, though the frames are 0.4 s apart.
+void expectAllFollowed(const RunResult& run_result) {
+  for (std::size_t k = 1; k < run_result.results.size(); ++k) {
+    const FrameResult& result = run_result.results[k];
+    EXPECT_EQ(result.state, TrackingState::kOk) << k << " " << toString(result.reason);
+    const Eigen::Isometry3d error =
+        (run_result.ground_truth[k - 1].inverse() * run_result.ground_truth[k]).inverse() *
+        run_result.results[k - 1].T_odom_camera.inverse() * result.T_odom_camera;
+    EXPECT_LT(error.translation().norm(), 0.05) << k;
+    EXPECT_LT(angleDeg(error.linear()), 0.1) << k;
+  }
+}
+
+/// What a camera writes into its images rests there, and has no disparity. The scene is 4 m further
+/// in each frame, so that near the prediction of a camera at rest only the text is found.
+TEST(DrawnOver, TextIsNotTheScene) {
+  const Draw text = [](std::size_t frame, StereoImages* images) {
+    for (cv::Mat* image : {&images->left, &images->right}) {
+      for (int line = 0; line < 4; ++line) {
+        const std::string number = std::to_string(100 * line + static_cast<int>(frame));
+        cv::putText(*image, "CAMERA " + number + " 2026-01-02 12:34:56 REC +0.34 dB",
+                    {10, 30 + 87 * line}, cv::FONT_HERSHEY_SIMPLEX, 0.9, cv::Scalar(255), 2);
+      }
+    }
+  };
+  SyntheticWorldOptions options;
+  options.seed = 9;
+  expectAllFollowed(run(options, 15, 4, 0, text));
+}
+
+/// A lorry that overtakes at 13 m fills up to half of the view and has five times as many features
+/// as the rest of it.
+TEST(DrawnOver, ALorryThatFillsHalfOfTheViewIsNotTheScene) {
+  constexpr int kDisparity_px = 30;
+  constexpr int kSpeed_px = 12;
+  constexpr int kEnters = 8;
+  cv::Mat lorry(400, 620, CV_8UC1);
+  cv::RNG random(5);
+  random.fill(lorry, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(lorry, lorry, cv::Size(), 2.0);
+  lorry = 3.0 * (lorry - 85);
+  const Draw overtaking = [&](std::size_t frame, StereoImages* images) {
+    for (cv::Mat* image : {&images->left, &images->right}) {
+      const int rear = kSpeed_px * (static_cast<int>(frame) - kEnters) - lorry.cols -
+                       (image == &images->right ? kDisparity_px : 0);
+      const cv::Rect seen =
+          cv::Rect(rear, 56, lorry.cols, lorry.rows) & cv::Rect(0, 0, image->cols, image->rows);
+      if (seen.empty()) continue;
+      lorry(seen - cv::Point(rear, 56)).copyTo((*image)(seen));
+    }
+  };
+  SyntheticWorldOptions options;
+  options.seed = 5;
+  expectAllFollowed(run(options, 15, 4, 0, overtaking));
+}
 
 class RobotsOwnBody : public ::testing::TestWithParam<BodyCase> {};
 

@@ -50,8 +50,9 @@ std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t inde
 /// The points in view, in the order of the map.
 std::vector<View> viewsOf(const std::vector<MapPoint>& points, const FrameContext& context,
                           const Eigen::Isometry3d& T_camera_map, ThreadPool* threads) {
-  std::vector<std::vector<View>> parts(static_cast<std::size_t>(threads->numParts()));
-  threads->runParts(points.size(), [&](int part, std::size_t begin, std::size_t end) {
+  const int num_parts = threads == nullptr ? 1 : threads->numParts();
+  std::vector<std::vector<View>> parts(static_cast<std::size_t>(num_parts));
+  runParts(threads, points.size(), [&](int part, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::optional<View> view = viewOf(points, i, context, T_camera_map);
       if (view) parts[static_cast<std::size_t>(part)].push_back(*view);
@@ -93,7 +94,7 @@ void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_
   }
 
   std::vector<std::optional<PointObservation>> found(views.size());
-  threads->runParts(views.size(), [&](int, std::size_t begin, std::size_t end) {
+  runParts(threads, views.size(), [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const View& view = views[i];
       if (!view.align) continue;

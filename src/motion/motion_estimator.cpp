@@ -25,12 +25,16 @@ constexpr double kWrongShiftPx = 0.25;
 constexpr double kSettledShiftPx = 0.02;
 constexpr int kMaxRounds = 30;
 
-// Largest reprojection error of matches that agree with the prediction.
-constexpr double kPredictedPx = 2.0;
+/// Which matches agree with a prediction, and how many must.
+struct NearPrediction {
+  double distance_px;   ///< largest reprojection error
+  double ratio_factor;  ///< on motion/min_inlier_ratio
+};
 
-// Of the matches, the share for which those near the prediction must suffice (motion/min_inliers,
-// motion/min_inlier_ratio): the others may belong to something that moves otherwise.
-constexpr double kMinorityShare = 0.5;
+// The other matches may belong to something that moves otherwise. Where a camera shakes, most are
+// further from the prediction; but within so many pixels wrong ones agree, too.
+constexpr NearPrediction kNearPrediction = {2.0, 0.5};
+constexpr NearPrediction kNearShakenPrediction = {8.0, 2.0};
 
 // A match with more leverage than this determines a third of an axis by itself.
 constexpr double kHighLeverage = 0.3;
@@ -201,20 +205,42 @@ MotionEstimate solveIfEnough(const Eigen::Isometry3d& start, const MotionParamet
   return solveTwice(start, parameters, matches, problem);
 }
 
-/// \param max_distance_px largest reprojection error at the initial motion of matches that are
-/// used; all if not given.
+/// Selects the matches that agree with the motion of those near a predicted one, and again with the
+/// motion of these, until they become no more: where a camera shakes, most are beyond the distance.
+/// Returns that motion.
+Eigen::Isometry3d selectAround(const Eigen::Isometry3d& T_curr_prev_predicted,
+                               double max_distance_px, const MotionParameters& parameters,
+                               MotionProblem* problem) {
+  constexpr int kMostRounds = 5;
+  problem->selectNear(T_curr_prev_predicted, max_distance_px);
+  Eigen::Isometry3d T_curr_prev = T_curr_prev_predicted;
+  int most = parameters.min_matches - 1;
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (countMatches(*problem).all < parameters.min_matches) break;
+    const auto solved = problem->solve(T_curr_prev, {false, kCoarseTolerance});
+    if (!solved.usable) break;
+    problem->selectInliers(solved.T_curr_prev);
+    T_curr_prev = solved.T_curr_prev;
+    const int agree = countMatches(*problem).all;
+    if (agree <= most) break;
+    most = agree;
+  }
+  return T_curr_prev;
+}
+
+/// \param near which matches are used, by their errors at the initial motion; all if not given.
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
                         const Eigen::Isometry3d& start, const MotionParameters& parameters,
-                        ThreadPool* threads, std::optional<double> max_distance_px) {
+                        ThreadPool* threads, const std::optional<NearPrediction>& near) {
   const auto problem = MotionProblem::make(correspondences, camera, parameters, threads);
   problem->linearizeInformation(start);
   MatchCounts matches = countMatches(*problem);
-  if (max_distance_px) {
-    problem->selectNear(start, *max_distance_px);
-    matches.all = static_cast<int>(std::ceil(kMinorityShare * matches.all));
-    matches.near = static_cast<int>(std::ceil(kMinorityShare * matches.near));
-  }
-  return solveIfEnough(start, parameters, matches, problem.get());
+  if (!near) return solveIfEnough(start, parameters, matches, problem.get());
+  matches.all = static_cast<int>(std::ceil(near->ratio_factor * matches.all));
+  matches.near = static_cast<int>(std::ceil(near->ratio_factor * matches.near));
+  const Eigen::Isometry3d around =
+      selectAround(start, near->distance_px, parameters, problem.get());
+  return solveIfEnough(around, parameters, matches, problem.get());
 }
 
 /// Estimates the translation with the rotation fixed; returns `frame_to_frame` if that fails.
@@ -262,8 +288,11 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
                                             const MotionParameters& parameters,
                                             ThreadPool* threads) {
+  MotionEstimate near_prediction = estimate(correspondences, camera, T_curr_prev_predicted,
+                                            parameters, threads, kNearPrediction);
+  if (near_prediction.ok()) return near_prediction;
   return estimate(correspondences, camera, T_curr_prev_predicted, parameters, threads,
-                  kPredictedPx);
+                  kNearShakenPrediction);
 }
 
 std::optional<MotionEstimate> estimateWithPrior(

@@ -20,11 +20,6 @@ namespace {
 // too.
 constexpr double kFewMapMatches = 0.5;
 
-// With a wrong prediction at most this share seems to be (0.064 at every 6th frame of EuRoC). So
-// where more agree on a plausible motion, these are the scene, and a larger part of the image that
-// moves otherwise is not.
-constexpr double kShareOfScene = 0.1;
-
 // Of the search radius, around points predicted by a rotation that far points agree on within a few
 // pixels: clouds and a sky's noise give many wrong matches.
 constexpr double kRadiusOfRotation = 0.3;
@@ -60,6 +55,20 @@ ReferencePoints referencePoints(const LocalMap& map) {
     known.positions.push_back(T_previous_map * point.estimate.value);
   }
   return known;
+}
+
+/// Removes some of the matches of points.
+void dropMatches(const std::vector<bool>& dropped, TrackingResult* tracked) {
+  std::vector<PointCorrespondence>& points = tracked->correspondences.points;
+  std::vector<IndexPair>& matches = tracked->matches.points;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < dropped.size(); ++i) {
+    if (dropped[i]) continue;
+    points[kept] = points[i];
+    matches[kept++] = matches[i];
+  }
+  points.resize(kept);
+  matches.resize(kept);
 }
 
 /// Keeps the matches from frame to frame, none of them as an inlier.
@@ -220,7 +229,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
     const Expectation by_appearance{{consensus->T_curr_prev, radius_px}, expected.prior};
     tracked = better(std::move(tracked),
                      matchAndEstimateNear(earlier, curr, by_appearance, stages, threads), earlier,
-                     curr, expected);
+                     curr, expected, threads);
   }
   const double wide_px = parameters_.matching.search_radius_without_velocity_px;
   if (!tracked.frame_to_frame.ok() && expected.prediction.radius_px < wide_px) {
@@ -228,7 +237,7 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
     TrackingResult retried = matchAndEstimateNear(earlier, curr, wider, stages, threads);
     const MotionEstimate& motion = retried.frame_to_frame;
     if (motion.num_point_inliers + motion.num_line_inliers >= kMinConsensus)
-      tracked = better(std::move(tracked), std::move(retried), earlier, curr, expected);
+      tracked = better(std::move(tracked), std::move(retried), earlier, curr, expected, threads);
   }
   if (tracked.frame_to_frame.ok()) return tracked;
   const std::optional<MotionConsensus> turned =
@@ -245,16 +254,32 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
 /// on it.
 TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retried,
                                     const StereoFrame& earlier, const StereoFrame& curr,
-                                    const Expectation& expected) const {
+                                    const Expectation& expected, ThreadPool* threads) const {
   const double found = shareFound(earlier, context_.camera, tracked);
   const double found_retried = shareFound(earlier, context_.camera, retried);
   if (isImplausible(retried.frame_to_frame, expected, earlier, curr)) {
+    const MotionEstimate& motion = tracked.frame_to_frame;
     const bool is_scene =
-        found >= kShareOfScene && !isImplausible(tracked.frame_to_frame, expected, earlier, curr);
+        !isImplausible(motion, expected, earlier, curr) &&
+        (found >= kShareOfScene || isConfirmedByMap(motion, earlier, curr, threads));
     if (is_scene || found_retried < kShareFound) return tracked;
   }
   if (found_retried > found) return retried;
   return tracked;
+}
+
+/// Whether as many landmarks are found at a motion as in the frames before: features may be few of
+/// many, where something that moves otherwise fills most of the view.
+bool FrameTracker::isConfirmedByMap(const MotionEstimate& motion, const StereoFrame& earlier,
+                                    const StereoFrame& curr, ThreadPool* threads) const {
+  if (!history_.map || &earlier != &*history_.previous || !motion.ok()) return false;
+  const LocalMap& map = *history_.map;
+  const LandmarkMatches matches =
+      map.find(curr, context_, map.T_map_previous() * motion.T_curr_prev.inverse(), threads);
+  const MotionEstimate against_map =
+      estimateMotion(map.correspondences(matches), context_.camera, motion.T_curr_prev,
+                     parameters_.motion, threads);
+  return isConfirmed(map, matches, against_map);
 }
 
 /// The points that match by appearance.
@@ -288,6 +313,13 @@ TrackingResult FrameTracker::matchAndEstimateNear(const StereoFrame& earlier,
   const StageTimer timer(times_, stages.estimate);
   tracked.frame_to_frame =
       estimate(tracked.correspondences, expected, earlier, curr, threads, &tracked);
+  if (mayBeHeldByResting(earlier, curr, context_.camera, tracked)) {
+    TrackingResult freed = tracked;
+    dropMatches(restingFarPoints(earlier, curr, tracked), &freed);
+    freed.frame_to_frame =
+        estimate(freed.correspondences, expected, earlier, curr, threads, &freed);
+    if (isFreed(earlier, context_.camera, tracked, freed)) return freed;
+  }
   return tracked;
 }
 

@@ -120,7 +120,10 @@ class FrameTracker {
                                   const Expectation& expected, const Stages& stages,
                                   ThreadPool* threads) const;
   TrackingResult better(TrackingResult tracked, TrackingResult retried, const StereoFrame& earlier,
-                        const StereoFrame& curr, const Expectation& expected) const;
+                        const StereoFrame& curr, const Expectation& expected,
+                        ThreadPool* threads) const;
+  bool isConfirmedByMap(const MotionEstimate& motion, const StereoFrame& earlier,
+                        const StereoFrame& curr, ThreadPool* threads) const;
   TrackingResult matchAndEstimateNear(const StereoFrame& earlier, const StereoFrame& curr,
                                       const Expectation& expected, const Stages& stages,
                                       ThreadPool* threads) const;

@@ -12,10 +12,21 @@ namespace {
 constexpr double kShareConfirmed = 0.5;
 constexpr double kMinExpected = 10.0;
 
+// The same, of the landmarks of a scene most of which something hides in this frame.
+constexpr double kShareHalfHidden = 1.0 / 3.0;
+
 // Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
 // found from frame to frame.
 constexpr int kMinRecognized = 20;
 constexpr double kShareRecognized = 0.7;
+
+// Resting far points that may hold a motion: this number and this share of its inliers, where fewer
+// of the other features are found than by a stationary camera. Without them the scene's motion has
+// more inliers by this factor.
+constexpr int kMinResting = 8;
+constexpr double kShareResting = 0.2;
+constexpr double kShareStationary = 0.65;
+constexpr double kGainOfFreed = 1.1;
 
 /// Far points among the inliers from frame to frame.
 int countFarInliers(const TrackingResult& tracked) {
@@ -27,14 +38,17 @@ int countFarInliers(const TrackingResult& tracked) {
   return far;
 }
 
-}  // namespace
-
-double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
-                  const TrackingResult& tracked) {
+/// Inliers from frame to frame that have a depth.
+int countNearInliers(const TrackingResult& tracked) {
   const MotionEstimate& motion = tracked.frame_to_frame;
-  if (!motion.ok()) return 0.0;
+  return motion.num_point_inliers - countFarInliers(tracked) + motion.num_line_inliers;
+}
+
+/// Features of an earlier frame that have a depth and are in view after a motion.
+int countNearInView(const StereoFrame& earlier, const StereoCamera& camera,
+                    const Eigen::Isometry3d& T_curr_prev) {
   const auto in_view = [&](const Eigen::Vector3d& p_earlier) {
-    const Eigen::Vector3d p = motion.T_curr_prev * p_earlier;
+    const Eigen::Vector3d p = T_curr_prev * p_earlier;
     if (!(p.z() > camera.baseline_m)) return false;
     const Eigen::Vector2d left = camera.projectLeft(p);
     return left.x() >= 0.0 && left.y() >= 0.0 && left.x() < camera.width &&
@@ -48,8 +62,51 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
         return line.triangulated &&
                (in_view(line.triangulated->start_camera) || in_view(line.triangulated->end_camera));
       });
-  const int found = motion.num_point_inliers - countFarInliers(tracked) + motion.num_line_inliers;
-  return found / std::max<double>(1.0, static_cast<double>(points + lines));
+  return static_cast<int>(points + lines);
+}
+
+}  // namespace
+
+double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
+                  const TrackingResult& tracked) {
+  const MotionEstimate& motion = tracked.frame_to_frame;
+  if (!motion.ok()) return 0.0;
+  return countNearInliers(tracked) /
+         std::max<double>(1.0, countNearInView(earlier, camera, motion.T_curr_prev));
+}
+
+std::vector<bool> restingFarPoints(const StereoFrame& earlier, const StereoFrame& curr,
+                                   const TrackingResult& tracked) {
+  constexpr float kRests_px = 1.0F;
+  std::vector<bool> resting;
+  for (const auto& [before, now] : tracked.matches.points) {
+    const StereoPoint& point = earlier.points[before];
+    const Eigen::Vector2f shift = curr.features.points_left[curr.points[now].left].pixel -
+                                  earlier.features.points_left[point.left].pixel;
+    resting.push_back(point.far && shift.norm() < kRests_px);
+  }
+  return resting;
+}
+
+bool mayBeHeldByResting(const StereoFrame& earlier, const StereoFrame& curr,
+                        const StereoCamera& camera, const TrackingResult& tracked) {
+  const MotionEstimate& motion = tracked.frame_to_frame;
+  if (!motion.ok()) return false;
+  const std::vector<bool> resting = restingFarPoints(earlier, curr, tracked);
+  int num_resting = 0;
+  for (std::size_t i = 0; i < resting.size(); ++i) {
+    num_resting += resting[i] && motion.point_inliers[i] ? 1 : 0;
+  }
+  const int num_inliers = motion.num_point_inliers + motion.num_line_inliers;
+  if (num_resting < kMinResting || num_resting < kShareResting * num_inliers) return false;
+  const int in_view = countNearInView(earlier, camera, motion.T_curr_prev);
+  return in_view > num_resting && countNearInliers(tracked) < kShareStationary * in_view;
+}
+
+bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const TrackingResult& held,
+             const TrackingResult& freed) {
+  return countNearInliers(freed) > kGainOfFreed * countNearInliers(held) ||
+         shareFound(earlier, camera, held) < kShareOfScene;
 }
 
 bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
@@ -62,6 +119,12 @@ bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
   if (2 * countFarInliers(tracked) > tracked.frame_to_frame.num_point_inliers) return false;
   const double features = shareFound(*history.previous, camera, tracked);
   return features < kShareFound && landmarks < kShareConfirmed * features;
+}
+
+bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
+                 const MotionEstimate& motion) {
+  return map.shareFound() * countInView(landmark_matches) >= kMinExpected &&
+         shareFound(landmark_matches, motion) >= kShareHalfHidden * map.shareFound();
 }
 
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "map/local_map.h"
 #include "matching/stereo_frame.h"
 #include "motion/motion_estimator.h"
@@ -16,11 +18,31 @@ namespace point_line_odometry {
 /// sequences at full rate).
 constexpr double kShareFound = 0.25;
 
+/// With a wrong prediction at most this share seems to be found (0.064 at every 6th frame of
+/// EuRoC). So where more agree on a plausible motion, these are the scene, and a larger part of the
+/// image that moves otherwise is not.
+constexpr double kShareOfScene = 0.1;
+
 /// Share of an earlier frame's features in view after the motion from frame to frame that were
 /// matched and are inliers; 0 without a motion. Far points are left out: they agree with any
 /// translation.
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
                   const TrackingResult& tracked);
+
+/// For each match of points whether it is of a far point that has not moved in the left image. Text
+/// that a camera writes into both images seems to be at infinity and to rest.
+std::vector<bool> restingFarPoints(const StereoFrame& earlier, const StereoFrame& curr,
+                                   const TrackingResult& tracked);
+
+/// True if there are so many of these among the inliers that they may hold the motion from frame to
+/// frame against the scene: more features that have a depth should be in view, and too few of these
+/// are found for a stationary camera.
+bool mayBeHeldByResting(const StereoFrame& earlier, const StereoFrame& curr,
+                        const StereoCamera& camera, const TrackingResult& tracked);
+
+/// Whether they did: without them more of the scene is found, or with them hardly any of it.
+bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const TrackingResult& held,
+             const TrackingResult& freed);
 
 /// True if wrong matches agreed on the motion: few features of the previous frame are found at it,
 /// and of the landmarks far fewer, compared with the frames before and with the features. Where
@@ -29,6 +51,10 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
 /// \param history with a previous frame and a map.
 bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
                const StereoCamera& camera);
+
+/// True if enough landmarks should be found at a motion, and are, compared with the frames before.
+bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
+                 const MotionEstimate& motion);
 
 /// True if the share of landmarks in view that is found is nearly that of consecutive frames: of
 /// another place with similar appearance only a part is found.

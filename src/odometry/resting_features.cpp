@@ -197,7 +197,7 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
   grid.fill(pixels, descriptors);
   for (const std::vector<StereoPoint>* points : {&prev.points, &prev.resting_points}) {
     for (const StereoPoint& point : *points) {
-      if (point.far || expectedShift(prev, point, T_curr_prev, context) < kMoves_px) continue;
+      if (expectedShift(prev, point, T_curr_prev, context) < kMoves_px) continue;
       const Keypoint& left = prev.features.points_left[point.left];
       const auto radius = static_cast<float>(kRests_px * levelScaleOf(prev, point, context));
       const Eigen::Vector2f corner(radius, radius);
