@@ -213,12 +213,7 @@ TEST(HardMotion, ATurnBeforeAPlainWallIsFollowed) {
   }
 }
 
-struct BodyCase {
-  const char* scene;
-  std::size_t every;
-};
-
-/// Each motion is right to a few centimetres, though the frames are 0.4 s apart.
+/// Each motion is right to a few centimetres.
 void expectAllFollowed(const RunResult& run_result) {
   for (std::size_t k = 1; k < run_result.results.size(); ++k) {
     const FrameResult& result = run_result.results[k];
@@ -273,6 +268,11 @@ TEST(DrawnOver, ALorryThatFillsHalfOfTheViewIsNotTheScene) {
   options.seed = 5;
   expectAllFollowed(run(options, 15, 4, 0, overtaking));
 }
+
+struct BodyCase {
+  const char* scene;
+  std::size_t every;
+};
 
 class RobotsOwnBody : public ::testing::TestWithParam<BodyCase> {};
 

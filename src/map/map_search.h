@@ -30,6 +30,7 @@ struct LandmarkMatches {
 
 /// Matches points by projection: those observed in the last frame by aligning their patches at the
 /// projections; the others by their descriptors first, as their projections may be less accurate.
+/// \param threads null: the thread that calls.
 void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
                 const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
                 LandmarkMatches* landmark_matches);

@@ -21,7 +21,7 @@ bool isPlausible(const MotionEstimate& motion, const ConstantVelocityMotion& pre
 
 /// As estimateMotion(), but robust to independently moving objects that fill most of the view. If
 /// the motion of the majority of matches is not plausible, the motion is estimated from the matches
-/// near the prediction only, and returned if it is plausible.
+/// near the prediction, and returned if it is plausible.
 MotionEstimate estimateCameraMotion(const Correspondences& correspondences,
                                     const StereoCamera& camera,
                                     const ConstantVelocityMotion& predicted,

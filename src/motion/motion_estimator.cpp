@@ -25,16 +25,17 @@ constexpr double kWrongShiftPx = 0.25;
 constexpr double kSettledShiftPx = 0.02;
 constexpr int kMaxRounds = 30;
 
-/// Which matches agree with a prediction, and how many must.
-struct NearPrediction {
+/// Which matches are near a prediction, and how many must agree with their motion.
+struct NearLimits {
   double distance_px;   ///< largest reprojection error
   double ratio_factor;  ///< on motion/min_inlier_ratio
 };
 
-// The other matches may belong to something that moves otherwise. Where a camera shakes, most are
-// further from the prediction; but within so many pixels wrong ones agree, too.
-constexpr NearPrediction kNearPrediction = {2.0, 0.5};
-constexpr NearPrediction kNearShakenPrediction = {8.0, 2.0};
+// A minority near the prediction suffices: the others may belong to something that moves otherwise.
+// If that finds too few, a camera that shakes may have moved them further: then most must agree, as
+// within so many pixels wrong ones do, too.
+constexpr NearLimits kNear = {2.0, 0.5};
+constexpr NearLimits kNearShaken = {8.0, 2.0};
 
 // A match with more leverage than this determines a third of an axis by itself.
 constexpr double kHighLeverage = 0.3;
@@ -228,16 +229,18 @@ Eigen::Isometry3d selectAround(const Eigen::Isometry3d& T_curr_prev_predicted,
   return T_curr_prev;
 }
 
-/// \param near which matches are used, by their errors at the initial motion; all if not given.
+/// \param near limits of the matches with which it begins, at the initial motion; all if not given.
 MotionEstimate estimate(const Correspondences& correspondences, const StereoCamera& camera,
                         const Eigen::Isometry3d& start, const MotionParameters& parameters,
-                        ThreadPool* threads, const std::optional<NearPrediction>& near) {
+                        ThreadPool* threads, const std::optional<NearLimits>& near) {
   const auto problem = MotionProblem::make(correspondences, camera, parameters, threads);
   problem->linearizeInformation(start);
   MatchCounts matches = countMatches(*problem);
   if (!near) return solveIfEnough(start, parameters, matches, problem.get());
-  matches.all = static_cast<int>(std::ceil(near->ratio_factor * matches.all));
-  matches.near = static_cast<int>(std::ceil(near->ratio_factor * matches.near));
+  // More than all matches are never asked for.
+  const double factor = std::min(near->ratio_factor, 1.0 / parameters.min_inlier_ratio);
+  matches.all = static_cast<int>(std::ceil(factor * matches.all));
+  matches.near = static_cast<int>(std::ceil(factor * matches.near));
   const Eigen::Isometry3d around =
       selectAround(start, near->distance_px, parameters, problem.get());
   return solveIfEnough(around, parameters, matches, problem.get());
@@ -288,11 +291,10 @@ MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondenc
                                             const Eigen::Isometry3d& T_curr_prev_predicted,
                                             const MotionParameters& parameters,
                                             ThreadPool* threads) {
-  MotionEstimate near_prediction = estimate(correspondences, camera, T_curr_prev_predicted,
-                                            parameters, threads, kNearPrediction);
+  MotionEstimate near_prediction =
+      estimate(correspondences, camera, T_curr_prev_predicted, parameters, threads, kNear);
   if (near_prediction.ok()) return near_prediction;
-  return estimate(correspondences, camera, T_curr_prev_predicted, parameters, threads,
-                  kNearShakenPrediction);
+  return estimate(correspondences, camera, T_curr_prev_predicted, parameters, threads, kNearShaken);
 }
 
 std::optional<MotionEstimate> estimateWithPrior(

@@ -46,10 +46,11 @@ MotionEstimate estimateMotion(const Correspondences& correspondences, const Ster
                               const Eigen::Isometry3d& T_curr_prev_initial,
                               const MotionParameters& parameters, ThreadPool* threads = nullptr);
 
-/// The same from the matches with small reprojection errors at the prediction only: where an
-/// independently moving object, e.g. a vehicle in front of the camera, fills most of the view, they
-/// may be few, but they are of the static scene. \param T_curr_prev_predicted from an estimated
-/// velocity.
+/// The same from the matches with small reprojection errors at the prediction and those that agree
+/// with their motion: where an independently moving object, e.g. a vehicle in front of the camera,
+/// fills most of the view, they may be few, but they are of the static scene. If they are too few,
+/// from those with errors up to 8 px, of which half must agree. \param T_curr_prev_predicted from
+/// an estimated velocity.
 MotionEstimate estimateMotionNearPrediction(const Correspondences& correspondences,
                                             const StereoCamera& camera,
                                             const Eigen::Isometry3d& T_curr_prev_predicted,

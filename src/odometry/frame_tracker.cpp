@@ -250,8 +250,9 @@ TrackingResult FrameTracker::matchAndEstimate(const StereoFrame& earlier, const 
 }
 
 /// Of two results of the same frame the one that finds more of the features. A motion that a camera
-/// hardly makes is none by which few are found: something that moves by itself, as a car, may agree
-/// on it.
+/// hardly makes is none by which few are found, nor against one that it does make and with which a
+/// tenth of the features or the map agrees: something that moves by itself, as a car, may agree on
+/// it, and may fill most of the view.
 TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retried,
                                     const StereoFrame& earlier, const StereoFrame& curr,
                                     const Expectation& expected, ThreadPool* threads) const {
@@ -268,11 +269,12 @@ TrackingResult FrameTracker::better(TrackingResult tracked, TrackingResult retri
   return tracked;
 }
 
-/// Whether as many landmarks are found at a motion as in the frames before: features may be few of
-/// many, where something that moves otherwise fills most of the view.
+/// Whether enough landmarks are found at a motion, compared with the frames before: few features
+/// may agree with the right one, where something that moves otherwise fills most of the view.
 bool FrameTracker::isConfirmedByMap(const MotionEstimate& motion, const StereoFrame& earlier,
                                     const StereoFrame& curr, ThreadPool* threads) const {
   if (!history_.map || &earlier != &*history_.previous || !motion.ok()) return false;
+  const StageTimer timer(times_, Stage::kMap);
   const LocalMap& map = *history_.map;
   const LandmarkMatches matches =
       map.find(curr, context_, map.T_map_previous() * motion.T_curr_prev.inverse(), threads);
@@ -313,13 +315,15 @@ TrackingResult FrameTracker::matchAndEstimateNear(const StereoFrame& earlier,
   const StageTimer timer(times_, stages.estimate);
   tracked.frame_to_frame =
       estimate(tracked.correspondences, expected, earlier, curr, threads, &tracked);
-  if (mayBeHeldByResting(earlier, curr, context_.camera, tracked)) {
-    TrackingResult freed = tracked;
-    dropMatches(restingFarPoints(earlier, curr, tracked), &freed);
-    freed.frame_to_frame =
-        estimate(freed.correspondences, expected, earlier, curr, threads, &freed);
-    if (isFreed(earlier, context_.camera, tracked, freed)) return freed;
-  }
+  if (!parameters_.matching.wide_search) return tracked;
+  const std::vector<bool> resting = restingThatMayHold(earlier, curr, context_, tracked);
+  if (resting.empty()) return tracked;
+  TrackingResult freed;
+  freed.matches = tracked.matches;
+  freed.correspondences = tracked.correspondences;
+  dropMatches(resting, &freed);
+  freed.frame_to_frame = estimate(freed.correspondences, expected, earlier, curr, threads, &freed);
+  if (isFreed(earlier, context_.camera, tracked, freed)) return freed;
   return tracked;
 }
 

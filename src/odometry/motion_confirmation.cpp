@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "motion/observations.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -13,7 +15,7 @@ constexpr double kShareConfirmed = 0.5;
 constexpr double kMinExpected = 10.0;
 
 // The same, of the landmarks of a scene most of which something hides in this frame.
-constexpr double kShareHalfHidden = 1.0 / 3.0;
+constexpr double kShareMostlyHidden = 1.0 / 3.0;
 
 // Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
 // found from frame to frame.
@@ -23,9 +25,8 @@ constexpr double kShareRecognized = 0.7;
 // Resting far points that may hold a motion: this number and this share of its inliers, where fewer
 // of the other features are found than by a stationary camera. Without them the scene's motion has
 // more inliers by this factor.
-constexpr int kMinResting = 8;
-constexpr double kShareResting = 0.2;
-constexpr double kShareStationary = 0.65;
+constexpr int kMinRestingFar = 8;
+constexpr double kShareRestingFar = 0.2;
 constexpr double kGainOfFreed = 1.1;
 
 /// Far points among the inliers from frame to frame.
@@ -75,32 +76,27 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
          std::max<double>(1.0, countNearInView(earlier, camera, motion.T_curr_prev));
 }
 
-std::vector<bool> restingFarPoints(const StereoFrame& earlier, const StereoFrame& curr,
-                                   const TrackingResult& tracked) {
-  constexpr float kRests_px = 1.0F;
-  std::vector<bool> resting;
-  for (const auto& [before, now] : tracked.matches.points) {
-    const StereoPoint& point = earlier.points[before];
-    const Eigen::Vector2f shift = curr.features.points_left[curr.points[now].left].pixel -
-                                  earlier.features.points_left[point.left].pixel;
-    resting.push_back(point.far && shift.norm() < kRests_px);
-  }
-  return resting;
-}
-
-bool mayBeHeldByResting(const StereoFrame& earlier, const StereoFrame& curr,
-                        const StereoCamera& camera, const TrackingResult& tracked) {
+std::vector<bool> restingThatMayHold(const StereoFrame& earlier, const StereoFrame& curr,
+                                     const FrameContext& context, const TrackingResult& tracked) {
   const MotionEstimate& motion = tracked.frame_to_frame;
-  if (!motion.ok()) return false;
-  const std::vector<bool> resting = restingFarPoints(earlier, curr, tracked);
+  if (!motion.ok()) return {};
+  std::vector<bool> resting;
   int num_resting = 0;
-  for (std::size_t i = 0; i < resting.size(); ++i) {
+  for (std::size_t i = 0; i < tracked.matches.points.size(); ++i) {
+    const auto& [before, now] = tracked.matches.points[i];
+    const StereoPoint& point = earlier.points[before];
+    const Keypoint& left = earlier.features.points_left[point.left];
+    const Eigen::Vector2f shift =
+        curr.features.points_left[curr.points[now].left].pixel - left.pixel;
+    resting.push_back(point.far && shift.norm() < kRests_px * levelScale(left, context.parameters));
     num_resting += resting[i] && motion.point_inliers[i] ? 1 : 0;
   }
   const int num_inliers = motion.num_point_inliers + motion.num_line_inliers;
-  if (num_resting < kMinResting || num_resting < kShareResting * num_inliers) return false;
-  const int in_view = countNearInView(earlier, camera, motion.T_curr_prev);
-  return in_view > num_resting && countNearInliers(tracked) < kShareStationary * in_view;
+  if (num_resting < kMinRestingFar || num_resting < kShareRestingFar * num_inliers) return {};
+  const int in_view = countNearInView(earlier, context.camera, motion.T_curr_prev);
+  const bool may_hold =
+      in_view > num_resting && countNearInliers(tracked) < kShareStationary * in_view;
+  return may_hold ? resting : std::vector<bool>();
 }
 
 bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const TrackingResult& held,
@@ -124,7 +120,7 @@ bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
                  const MotionEstimate& motion) {
   return map.shareFound() * countInView(landmark_matches) >= kMinExpected &&
-         shareFound(landmark_matches, motion) >= kShareHalfHidden * map.shareFound();
+         shareFound(landmark_matches, motion) >= kShareMostlyHidden * map.shareFound();
 }
 
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,

@@ -4,6 +4,7 @@
 
 #include "map/local_map.h"
 #include "matching/stereo_frame.h"
+#include "motion/frame_context.h"
 #include "motion/motion_estimator.h"
 #include "odometry/frame_tracker.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -18,6 +19,12 @@ namespace point_line_odometry {
 /// sequences at full rate).
 constexpr double kShareFound = 0.25;
 
+/// [px of a point's level] What moves by less rests. Of the features in view a stationary camera
+/// finds half to three quarters in the dark, and more elsewhere; where its body is in view a moving
+/// one found up to 0.61.
+constexpr double kRests_px = 1.0;
+constexpr double kShareStationary = 0.65;
+
 /// With a wrong prediction at most this share seems to be found (0.064 at every 6th frame of
 /// EuRoC). So where more agree on a plausible motion, these are the scene, and a larger part of the
 /// image that moves otherwise is not.
@@ -29,18 +36,15 @@ constexpr double kShareOfScene = 0.1;
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
                   const TrackingResult& tracked);
 
-/// For each match of points whether it is of a far point that has not moved in the left image. Text
-/// that a camera writes into both images seems to be at infinity and to rest.
-std::vector<bool> restingFarPoints(const StereoFrame& earlier, const StereoFrame& curr,
-                                   const TrackingResult& tracked);
+/// For each match of points whether it is of a far point that has not moved in the left image, if
+/// these may hold the motion from frame to frame against the scene: they are many of the inliers,
+/// more features that have a depth should be in view, and too few of these are found for a
+/// stationary camera. Empty otherwise. Text that a camera writes into both images is such.
+std::vector<bool> restingThatMayHold(const StereoFrame& earlier, const StereoFrame& curr,
+                                     const FrameContext& context, const TrackingResult& tracked);
 
-/// True if there are so many of these among the inliers that they may hold the motion from frame to
-/// frame against the scene: more features that have a depth should be in view, and too few of these
-/// are found for a stationary camera.
-bool mayBeHeldByResting(const StereoFrame& earlier, const StereoFrame& curr,
-                        const StereoCamera& camera, const TrackingResult& tracked);
-
-/// Whether they did: without them more of the scene is found, or with them hardly any of it.
+/// Whether they held the motion, by the result without them (`freed`): more of the scene is found
+/// by that, or hardly any of it by the other; then `freed` counts, with or without a motion.
 bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const TrackingResult& held,
              const TrackingResult& freed);
 
@@ -52,7 +56,7 @@ bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const Track
 bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
                const StereoCamera& camera);
 
-/// True if enough landmarks should be found at a motion, and are, compared with the frames before.
+/// True if landmarks should be found at a motion, and at least a third of the usual share is.
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
                  const MotionEstimate& motion);
 

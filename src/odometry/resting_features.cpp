@@ -15,9 +15,7 @@
 namespace point_line_odometry {
 namespace {
 
-// [px of a point's level] A point that moves by less rests; one that should move by more than the
-// other does not rest by chance.
-constexpr double kRests_px = 1.0;
+// [px of a point's level] A point that should move by more does not rest by chance.
 constexpr double kMoves_px = 3.0;
 
 // Of the points that should move in a cell and around it, at most 2 % seem to rest where they are
@@ -31,11 +29,6 @@ constexpr double kShareResting = 0.15;
 constexpr double kShareOfFound = 0.2;
 constexpr double kWeightOfFrame = 0.1;
 constexpr int kMostCells = 4;
-
-// Of the features in view a stationary camera finds half to three quarters in the dark, and more
-// elsewhere; where its body is in view a moving one found up to 0.61. If more is found, nothing is
-// looked for.
-constexpr double kShareStationary = 0.65;
 
 // Resting points that count are this share of the inliers of a motion. Of a scene this share of the
 // points that move agree; they are this share of the inliers (traffic before a standing robot 0.09
@@ -54,12 +47,13 @@ const Eigen::Vector2f& leftPixel(const StereoFrame& frame, const StereoPoint& po
   return frame.features.points_left[point.left].pixel;
 }
 
-/// By how much a motion moves a point in the left image [px of the point's level]; infinite if it
-/// takes the point out of view.
+/// By how much a motion moves a point in the left image [px of the point's level], a far one by its
+/// rotation alone; infinite if it takes the point out of view.
 double expectedShift(const StereoFrame& prev, const StereoPoint& point,
                      const Eigen::Isometry3d& T_curr_prev, const FrameContext& context) {
   const StereoCamera& camera = context.camera;
-  const Eigen::Vector3d p_curr = T_curr_prev * point.triangulated.p_camera;
+  const Eigen::Vector3d& p_prev = point.triangulated.p_camera;
+  const Eigen::Vector3d p_curr = point.far ? T_curr_prev.linear() * p_prev : T_curr_prev * p_prev;
   if (!(p_curr.z() > 0.1 * camera.baseline_m)) return std::numeric_limits<double>::infinity();
   const Eigen::Vector2d shift =
       camera.projectLeft(p_curr) - camera.projectLeft(point.triangulated.p_camera);

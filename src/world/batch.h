@@ -14,7 +14,7 @@ using Values = std::array<float, kBatch>;
 /// The patches of one surface that the pixels of a batch see. Structures that are smaller than a
 /// patch fade to their mean.
 struct PatchBatch {
-  std::size_t size = 0;  ///< of the values, that many are used
+  std::size_t size = 0;  ///< so many of the values are used
   Values u;              ///< centre [m]
   Values v;
   Values size_u;  ///< extent [m]

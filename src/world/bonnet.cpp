@@ -131,7 +131,7 @@ void Bonnet::paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, cons
   const Eigen::Matrix3f R = R_world_left.cast<float>();
   RayBatch to_sky;
   std::array<cv::Point, kBatch> pixels;
-  const auto paint = [&]() {
+  const auto paintBatch = [&]() {
     Values gloss;
     skyRadiance(sky, to_sky, &gloss);
     for (std::size_t i = 0; i < to_sky.size; ++i) {
@@ -152,10 +152,10 @@ void Bonnet::paint(std::size_t camera, const Eigen::Matrix3d& R_world_left, cons
       to_sky.x[to_sky.size] = ray.x();
       to_sky.y[to_sky.size] = ray.y();
       to_sky.z[to_sky.size] = ray.z();
-      if (++to_sky.size == kBatch) paint();
+      if (++to_sky.size == kBatch) paintBatch();
     }
   }
-  paint();
+  paintBatch();
 }
 
 }  // namespace point_line_odometry::world

@@ -37,7 +37,7 @@ inline float periodicCoverage(float x, float size, float period, float begin, fl
 }
 
 /// A number in [-1, 1).
-float tone(std::uint32_t bits) { return 2.0F * unit(bits, 0) - 1.0F; }
+inline float tone(std::uint32_t bits) { return 2.0F * unit(bits, 0) - 1.0F; }
 
 /// The patches of a batch in units of a grid's cells. Where the grid is not visible, patches are
 /// moved to its origin, as their own place may be beyond whole numbers.
@@ -310,11 +310,12 @@ void shelf(const Material& m, const PatchBatch& p, Values* out) {
   }
   for (std::size_t i = 0; i < p.size; ++i) {
     const float board = periodicCoverage(p.v[i], p.size_v[i], m.size_v, 0.0F, kBoard);
-    const float mean = c.seen[i] > 0.0F ? light[i] : 0.0F;
-    (*out)[i] = m.albedo * (blend(kMean, mean, c.seen[i]) + 1.1F * board);
+    const float lit = c.seen[i] > 0.0F ? light[i] : 0.0F;
+    (*out)[i] = m.albedo * (blend(kMean, lit, c.seen[i]) + 1.1F * board);
   }
 }
 
+POINT_LINE_ODOMETRY_CLONES("avx2")
 void leaves(const Material& m, const PatchBatch& p, Values* out) {
   Values tones{};
   addNoise(p, 0.9F, m.seed, 0.5F, &tones);

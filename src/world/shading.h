@@ -75,7 +75,7 @@ class Samples {
 
   std::vector<Sample> samples_;
   std::vector<std::size_t> surfaces_;  // that have samples
-  std::vector<int> first_;             // sample of every surface
+  std::vector<int> first_;             // in the list of each surface: the sample added last
 };
 
 /// Sets the samples to the light of a surface where they see it.

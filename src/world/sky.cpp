@@ -8,15 +8,15 @@
 namespace point_line_odometry::world {
 namespace {
 
-float noise(float x, float y, float size, std::uint32_t seed) {
+inline float noise(float x, float y, float size, std::uint32_t seed) {
   return smoothNoise(x / size, y / size, seed);
 }
 
-float distanceToAxis(float x, float y) { return std::sqrt(x * x + y * y) + 1e-6F; }
+inline float distanceToAxis(float x, float y) { return std::sqrt(x * x + y * y) + 1e-6F; }
 
-float heightOf(float z, float level) { return clampUnit(z / level); }
+inline float heightOf(float z, float level) { return clampUnit(z / level); }
 
-float mist(const Sky& sky, float x, float y, float z) {
+inline float mist(const Sky& sky, float x, float y, float z) {
   const float level = distanceToAxis(x, y);
   const float height = heightOf(z, level);
   const float east = 2.0F * x / level + 0.7F * height;
@@ -27,7 +27,7 @@ float mist(const Sky& sky, float x, float y, float z) {
 }
 
 /// What gaps between clouds take of the light.
-float gaps(const Sky& sky, float x, float y, float z) {
+inline float gaps(const Sky& sky, float x, float y, float z) {
   const float level = distanceToAxis(x, y);
   const float height = heightOf(z, level);
   const float distance = 1.0F / (height + 0.2F);  // to a layer of clouds

@@ -15,7 +15,7 @@ struct Sky {
 
 /// Directions in the world (z up) of any length.
 struct RayBatch {
-  std::size_t size = 0;  ///< of the values, that many are used
+  std::size_t size = 0;  ///< so many of the values are used
   Values x;
   Values y;
   Values z;
