@@ -23,9 +23,9 @@ struct RestingBody {
 };
 
 /// Where features rest in the left image while the scene moves through it: on the robot's own body
-/// (bonnet, arm, antenna), on dirt of the lens, in text that a camera writes into its images. They agree that the camera is stationary, and there
-/// may be more of them than of the scene's. Learned from the camera's motion, in cells of the
-/// image.
+/// (bonnet, arm, antenna), on dirt of the lens, in text that a camera writes into its images. They
+/// agree that the camera is stationary, and there may be more of them than of the scene's. Learned
+/// from the camera's motion, in cells of the image.
 class RestingFeatures {
  public:
   /// Nothing is known to rest.

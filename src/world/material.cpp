@@ -80,6 +80,18 @@ void findCells(std::size_t n, InCells* c) {
   c->rows = rows + 1;
 }
 
+/// Adds value(i, column, row) of each cell that a patch i may touch.
+template <typename Value>
+inline void addCells(const InCells& c, std::size_t n, const Value& value, Values* sum) {
+  for (int row = 0; row < c.rows; ++row) {
+    for (int column = 0; column < c.columns; ++column) {
+      for (std::size_t i = 0; i < n; ++i) {
+        (*sum)[i] += value(i, c.column[i] + column, c.row[i] + row);
+      }
+    }
+  }
+}
+
 /// Adds noise with knots at multiples of the size.
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void addNoise(const PatchBatch& p, float size, std::uint32_t seed, float weight, Values* sum) {
@@ -124,13 +136,9 @@ void addFlecks(const PatchBatch& p, float size, std::uint32_t seed, float weight
   findCells(p.size, &c);
   if (!c.visible()) return;
   Values covered{};
-  for (int row = 0; row < c.rows; ++row) {
-    for (int column = 0; column < c.columns; ++column) {
-      for (std::size_t i = 0; i < p.size; ++i) {
-        covered[i] += fleck(c, i, c.column[i] + column, c.row[i] + row, seed);
-      }
-    }
-  }
+  addCells(
+      c, p.size, [&](std::size_t i, int column, int row) { return fleck(c, i, column, row, seed); },
+      &covered);
   for (std::size_t i = 0; i < p.size; ++i) {
     (*sum)[i] += weight * (c.seen[i] * covered[i] / (c.size_u[i] * c.size_v[i]));
   }
@@ -167,17 +175,16 @@ void addCellTones(const PatchBatch& p, const Material& m, const Values& offset, 
   findCells(p.size, &c);
   if (!c.visible()) return;
   Values covered{};
-  for (int row = 0; row < c.rows; ++row) {
-    for (int column = 0; column < c.columns; ++column) {
-      for (std::size_t i = 0; i < p.size; ++i) {
-        const auto low = static_cast<float>(c.row[i] + row);
-        const auto left = static_cast<float>(c.column[i] + column);
-        covered[i] += coverage(c.v[i], c.size_v[i], low, low + 1.0F) *
-                      coverage(c.u[i], c.size_u[i], left, left + 1.0F) *
-                      tone(cellHash(m.seed, c.column[i] + column, c.row[i] + row));
-      }
-    }
-  }
+  addCells(
+      c, p.size,
+      [&](std::size_t i, int column, int row) {
+        const auto low = static_cast<float>(row);
+        const auto left = static_cast<float>(column);
+        return coverage(c.v[i], c.size_v[i], low, low + 1.0F) *
+               coverage(c.u[i], c.size_u[i], left, left + 1.0F) *
+               tone(cellHash(m.seed, column, row));
+      },
+      &covered);
   for (std::size_t i = 0; i < p.size; ++i) (*sum)[i] += weight * (c.seen[i] * covered[i]);
 }
 
@@ -301,13 +308,9 @@ void shelf(const Material& m, const PatchBatch& p, Values* out) {
   }
   findCells(p.size, &c);
   Values light{};
-  for (int row = 0; row < c.rows; ++row) {
-    for (int column = 0; column < c.columns; ++column) {
-      for (std::size_t i = 0; i < p.size; ++i) {
-        light[i] += books(m, p, i, c.column[i] + column, c.row[i] + row);
-      }
-    }
-  }
+  addCells(
+      c, p.size, [&](std::size_t i, int column, int row) { return books(m, p, i, column, row); },
+      &light);
   for (std::size_t i = 0; i < p.size; ++i) {
     const float board = periodicCoverage(p.v[i], p.size_v[i], m.size_v, 0.0F, kBoard);
     const float lit = c.seen[i] > 0.0F ? light[i] : 0.0F;
