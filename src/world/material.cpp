@@ -36,8 +36,8 @@ inline float periodicCoverage(float x, float size, float period, float begin, fl
   return clampUnit((covered(phase + 0.5F * size) - covered(phase - 0.5F * size)) / size);
 }
 
-/// A number in [-1, 1).
-inline float tone(std::uint32_t bits) { return 2.0F * unit(bits, 0) - 1.0F; }
+/// Byte `index` of a hash as a number in [-1, 1).
+inline float tone(std::uint32_t hash, int index) { return 2.0F * unit(hash, index) - 1.0F; }
 
 /// The patches of a batch in units of a grid's cells. Where the grid is not visible, patches are
 /// moved to its origin, as their own place may be beyond whole numbers.
@@ -80,6 +80,23 @@ void findCells(std::size_t n, InCells* c) {
   c->rows = rows + 1;
 }
 
+/// Cells of a material's size, each patch moved by an offset along u. \param structure size of what
+/// is in them [cells].
+POINT_LINE_ODOMETRY_CLONES("avx2")
+InCells inCellsOf(const Material& m, const PatchBatch& p, const Values& offset, float structure) {
+  InCells c;
+  for (std::size_t i = 0; i < p.size; ++i) {
+    c.u[i] = (p.u[i] + offset[i]) / m.size_u;
+    c.v[i] = p.v[i] / m.size_v;
+    c.size_u[i] = p.size_u[i] / m.size_u;
+    c.size_v[i] = p.size_v[i] / m.size_v;
+    c.seen[i] = visibility(structure * m.size_u, p.size_u[i]) *
+                visibility(structure * m.size_v, p.size_v[i]);
+  }
+  findCells(p.size, &c);
+  return c;
+}
+
 /// Adds value(i, column, row) of each cell that a patch i may touch.
 template <typename Value>
 inline void addCells(const InCells& c, std::size_t n, const Value& value, Values* sum) {
@@ -118,7 +135,7 @@ inline float fleck(const InCells& p, std::size_t i, int column, int row, std::ui
   const float width = overlap(p.u[i], p.size_u[i], left, left + 0.12F + 0.36F * unit(h, 2));
   const float low = static_cast<float>(row) + 0.05F + 0.45F * unit(h, 1);
   const float height = overlap(p.v[i], p.size_v[i], low, low + 0.12F + 0.36F * unit(h, 3));
-  return std::max(0.0F, width) * std::max(0.0F, height) * tone(mix(h));
+  return std::max(0.0F, width) * std::max(0.0F, height) * tone(mix(h), 0);
 }
 
 /// Adds rectangles with sharp edges, one in every cell of the size, of a tone in [-1, 1].
@@ -164,15 +181,7 @@ void addRoughness(const PatchBatch& p, std::uint32_t seed, float weight, Values*
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void addCellTones(const PatchBatch& p, const Material& m, const Values& offset, float weight,
                   Values* sum) {
-  InCells c;
-  for (std::size_t i = 0; i < p.size; ++i) {
-    c.u[i] = (p.u[i] + offset[i]) / m.size_u;
-    c.v[i] = p.v[i] / m.size_v;
-    c.size_u[i] = p.size_u[i] / m.size_u;
-    c.size_v[i] = p.size_v[i] / m.size_v;
-    c.seen[i] = visibility(m.size_u, p.size_u[i]) * visibility(m.size_v, p.size_v[i]);
-  }
-  findCells(p.size, &c);
+  const InCells c = inCellsOf(m, p, offset, 1.0F);
   if (!c.visible()) return;
   Values covered{};
   addCells(
@@ -182,7 +191,7 @@ void addCellTones(const PatchBatch& p, const Material& m, const Values& offset, 
         const auto left = static_cast<float>(column);
         return coverage(c.v[i], c.size_v[i], low, low + 1.0F) *
                coverage(c.u[i], c.size_u[i], left, left + 1.0F) *
-               tone(cellHash(m.seed, column, row));
+               tone(cellHash(m.seed, column, row), 0);
       },
       &covered);
   for (std::size_t i = 0; i < p.size; ++i) (*sum)[i] += weight * (c.seen[i] * covered[i]);
@@ -298,15 +307,7 @@ inline float books(const Material& m, const PatchBatch& p, std::size_t i, int st
 POINT_LINE_ODOMETRY_CLONES("avx2")
 void shelf(const Material& m, const PatchBatch& p, Values* out) {
   constexpr float kMean = 0.35F;
-  InCells c;
-  for (std::size_t i = 0; i < p.size; ++i) {
-    c.u[i] = p.u[i] / m.size_u;
-    c.v[i] = p.v[i] / m.size_v;
-    c.size_u[i] = p.size_u[i] / m.size_u;
-    c.size_v[i] = p.size_v[i] / m.size_v;
-    c.seen[i] = visibility(3.0F * m.size_u, p.size_u[i]) * visibility(3.0F * m.size_v, p.size_v[i]);
-  }
-  findCells(p.size, &c);
+  const InCells c = inCellsOf(m, p, Values{}, 3.0F);
   Values light{};
   addCells(
       c, p.size, [&](std::size_t i, int column, int row) { return books(m, p, i, column, row); },
@@ -350,7 +351,7 @@ void addRoundSpots(const PatchBatch& p, float cells_per_m, std::uint32_t seed, V
     const float dv = v - static_cast<float>(row) - radius - room * unit(h, 2);
     const float outside = du * du + dv * dv - radius * radius;
     const float inside = std::min(0.0F, outside) / (radius * radius);
-    (*sum)[i] += seen * inside * inside * (2.0F * unit(h, 3) - 1.0F);
+    (*sum)[i] += seen * inside * inside * tone(h, 3);
   }
 }
 
