@@ -660,6 +660,29 @@ TEST(SequenceLines, SayWhichImagesAreLateAndByHowMuch) {
   EXPECT_NE(line.text.find("at the same time"), std::string::npos) << line.text;
 }
 
+TEST(SequenceLines, CountImagesThatComeAgain) {
+  SequenceMeasurement sequence;
+  sequence.frames = 30;
+  EXPECT_EQ(sequenceLine(Subject::kImages, sequence).level, Level::kOk);
+  sequence.repeated_right = 5;
+  const DoctorLine line = sequenceLine(Subject::kImages, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_TRUE(contains(line.text, "0 left and 5 right images of 30 pairs")) << line.text;
+  EXPECT_TRUE(contains(line.hint, "driver")) << line.hint;
+}
+
+TEST(SequenceLines, TellStampsOfTheArrival) {
+  SequenceMeasurement sequence;
+  sequence.frames = 60;
+  sequence.crowded = 2;
+  EXPECT_EQ(sequenceLine(Subject::kStamps, sequence).level, Level::kOk);
+  sequence.crowded = 8;
+  const DoctorLine line = sequenceLine(Subject::kStamps, sequence);
+  EXPECT_EQ(line.level, Level::kWarn);
+  EXPECT_TRUE(contains(line.text, "8 of 60 pairs")) << line.text;
+  EXPECT_TRUE(contains(line.hint, "exposure")) << line.hint;
+}
+
 TEST(SequenceLines, WarnOfARollingShutter) {
   SequenceMeasurement sequence;
   EXPECT_EQ(sequenceLine(Subject::kShutter, sequence).level, Level::kUnknown);

@@ -324,6 +324,119 @@ TEST(Faults, FasterThanAnythingIsRejected) {
   }
 }
 
+// --- Images that come again
+
+struct RepetitionCase {
+  const char* name;
+  bool left;
+  bool right;
+};
+
+class RepeatedImagesTest : public ::testing::TestWithParam<RepetitionCase> {
+ protected:
+  /// Frame k of the drive, in every third frame with images of the frame before.
+  static bool isRepeated(int k) { return k > 1 && k % 3 == 2; }
+  static StereoImages images(int k) {
+    StereoImages now = drive(k);
+    if (!isRepeated(k)) return now;
+    if (GetParam().left) now.left = drive(k - 1).left;
+    if (GetParam().right) now.right = drive(k - 1).right;
+    return now;
+  }
+};
+
+TEST_P(RepeatedImagesTest, AreNotMeasured) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  FrameResult last;
+  for (int k = 0; k < 21; ++k) {
+    const FrameResult result = odometry.process(images(k));
+    ASSERT_TRUE(allFinite(result)) << k;
+    EXPECT_EQ(result.reason == TrackingReason::kRepeatedImages, isRepeated(k)) << k;
+    if (k > 0) {
+      EXPECT_EQ(result.state, isRepeated(k) ? TrackingState::kDegraded : TrackingState::kOk) << k;
+      EXPECT_LT(jump(last, result).translation_m, 0.02) << k;
+    }
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(k)), 0.03) << k;
+    last = result;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, RepeatedImagesTest,
+                         ::testing::Values(RepetitionCase{"of_both", true, true},
+                                           RepetitionCase{"of_the_left", true, false},
+                                           RepetitionCase{"of_the_right", false, true}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+/// A driver that gives each pair twice.
+TEST(RepeatedImages, HalfOfTheFramesSuffice) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 20; ++k) {
+    const int shown = k - k % 2;
+    const FrameResult result = odometry.process(stamped(drive(shown), stampOf(k)));
+    if (k < 3) continue;  // without a velocity nothing tells that it moves
+    EXPECT_EQ(result.reason == TrackingReason::kRepeatedImages, k != shown) << k;
+    EXPECT_EQ(result.state, k == shown ? TrackingState::kOk : TrackingState::kDegraded) << k;
+    if (k < 12) continue;  // and that of the first two is wrong
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(k)), 0.03) << k;
+  }
+}
+
+/// From 1.2 m/s to a standstill within a frame, as a simulated robot without noise and inertia.
+TEST(RepeatedImages, AreBelievedAfterAFewFrames) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 40; ++k) {
+    const FrameResult result = odometry.process(stamped(drive(std::min(k, 6)), stampOf(k)));
+    EXPECT_EQ(result.reason == TrackingReason::kRepeatedImages, k == 7 || k == 8) << k;
+    if (k < 9) continue;
+    EXPECT_EQ(result.state, TrackingState::kOk) << k;
+    EXPECT_LT(distance(result.T_odom_estimate, synthetic::truePose(6)), 0.02) << k;
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(6)), 0.26) << k;
+    if (k > 33) {
+      EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(6)), 0.02) << k;
+    }
+  }
+}
+
+// --- Stamps that tell when an image arrived
+
+struct StampCase {
+  const char* name;
+  std::function<double(int)> stamp_s;
+};
+
+class ArrivalStampsTest : public ::testing::TestWithParam<StampCase> {};
+
+/// The camera is as steady as ever: poses are those of the images, and the twist remains one of a
+/// robot's.
+TEST_P(ArrivalStampsTest, AreNoMotion) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 30; ++k) {
+    const auto stamp_ns = static_cast<std::int64_t>(1e9 * (1.0 + GetParam().stamp_s(k)));
+    const FrameResult result = odometry.process(stamped(drive(k), stamp_ns));
+    ASSERT_TRUE(allFinite(result)) << k;
+    EXPECT_EQ(result.stamp_ns, stamp_ns);
+    if (k == 0) continue;
+    EXPECT_EQ(result.state, TrackingState::kOk) << k << " " << toString(result.reason);
+    EXPECT_LT(distance(result.T_odom_camera, synthetic::truePose(k)), 0.03) << k;
+    EXPECT_LT(result.twist.head<3>().norm(), 3.0) << k << ": it drives at 1.2 m/s";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Faults, ArrivalStampsTest,
+    ::testing::Values(StampCase{"every_fifth_is_late",
+                                [](int k) { return kPeriod_s * (k % 5 == 4 ? k + 0.9 : k); }},
+                      StampCase{"every_fifth_with_the_one_before",
+                                [](int k) {
+                                  return k % 5 == 4 ? kPeriod_s * (k - 1) + 0.001 : kPeriod_s * k;
+                                }},
+                      StampCase{"in_pairs",
+                                [](int k) {
+                                  return k > 0 && k % 2 == 0 ? kPeriod_s * (k - 1) + 0.001
+                                                             : kPeriod_s * k;
+                                }}),
+    [](const auto& info) { return std::string(info.param.name); });
+
 // --- What the images do not tell
 
 /// A wall across the view, with the brightness of `shade(x, y)` [m].

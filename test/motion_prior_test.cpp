@@ -37,6 +37,14 @@ MotionPrior trueRotation(int k, double sigma_rad) {
   return prior;
 }
 
+/// The true motion from frame k-1 to k, as wheels know it: nothing of the height.
+MotionPrior trueMotion(int k) {
+  MotionPrior prior = trueRotation(k, 1e-3);
+  prior.T_prev_curr = truePose(k - 1).inverse() * truePose(k);
+  prior.information(0, 0) = prior.information(2, 2) = 1e6;
+  return prior;
+}
+
 using PriorOf = std::function<std::optional<MotionPrior>(int)>;
 std::optional<MotionPrior> none(int) { return std::nullopt; }
 
@@ -147,17 +155,28 @@ TEST(MotionPriors, CarryThePoseWithoutImages) {
             TrackingState::kLost);
 }
 
+/// A driver hangs, and gives the images of a standing robot again while that drives away.
+TEST(MotionPriors, TellThatImagesAreRepeated) {
+  constexpr int kStart = 4;
+  StereoOdometry odometry(synthetic::roomCamera(), Parameters());
+  for (int k = 0; k < 12; ++k) {
+    MotionPrior prior = trueMotion(std::max(k, 1));
+    if (k < kStart) prior.T_prev_curr.setIdentity();
+    const FrameResult result = odometry.process(
+        synthetic::stamped(synthetic::drive(kStart - 1), stampOf(k)), k > 0 ? &prior : nullptr);
+    if (k == 0) continue;
+    EXPECT_EQ(result.reason == TrackingReason::kRepeatedImages, k >= kStart) << k;
+    EXPECT_EQ(result.prior.use, k < kStart ? PriorUse::kUsed : PriorUse::kCarried) << k;
+    const Isometry3d driven = truePose(kStart - 1).inverse() * truePose(std::max(k, kStart - 1));
+    EXPECT_LT((result.T_odom_camera.translation() - driven.translation()).norm(), 0.05) << k;
+  }
+}
+
 /// From the very first frame in the dark: no velocity is known. A gyroscope alone knows no
 /// translation.
 TEST(MotionPriors, CarryThePoseBeforeAnyVelocityIfTheyKnowTheTranslation) {
   const Dark dark{0, 12};
-  const auto wheels = [](int k) {
-    MotionPrior prior = trueRotation(k, 1e-3);
-    prior.T_prev_curr = truePose(k - 1).inverse() * truePose(k);
-    prior.information(0, 0) = prior.information(2, 2) = 1e6;
-    return prior;
-  };
-  const std::vector<FrameResult> by_wheels = run(wheels, dark);
+  const std::vector<FrameResult> by_wheels = run(trueMotion, dark);
   const std::vector<FrameResult> by_gyroscope =
       run([](int k) { return trueRotation(k, 1e-4); }, dark);
   for (int k = 1; k < 12; ++k) {

@@ -712,6 +712,21 @@ TEST_P(TimeJumpTest, ForwardsGoesOnInTheMap) {
 INSTANTIATE_TEST_SUITE_P(Policies, TimeJumpTest, ::testing::Values("reset", "keep_pose", "ignore"),
                          [](const auto& info) { return std::string(info.param); });
 
+// --- Images that come again
+
+TEST_F(NodeletFaultsTest, NamesImagesThatComeAgain) {
+  ASSERT_TRUE(load());
+  drive(0, 4);
+  const OdometryInfo again = drive(3, 4);
+  EXPECT_EQ(again.state, OdometryInfo::DEGRADED);
+  EXPECT_EQ(again.reason, "repeated_images");
+  expectAt(synthetic::truePose(4));
+  EXPECT_TRUE(says("input", kWarn, "come again")) << said("input");
+  EXPECT_EQ(counted("input", "frames with repeated images"), 1);
+  EXPECT_EQ(drive(5, 7).state, OdometryInfo::OK);
+  expectAt(synthetic::truePose(6));
+}
+
 // --- Exceptions
 
 TEST_F(NodeletFaultsTest, CountsExceptionsAndGoesOnDegraded) {

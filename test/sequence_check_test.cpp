@@ -261,6 +261,54 @@ TEST(SequenceCheck, FindsThePatternOfAProjector) {
   }
 }
 
+TEST(SequenceCheck, CountsImagesThatComeAgain) {
+  const LateCamera camera("indoor", 0.0);
+  struct Case {
+    bool left;
+    bool right;
+  };
+  for (const auto& [left, right] :
+       {Case{false, false}, {true, false}, {false, true}, {true, true}}) {
+    SequenceCheck check;
+    for (int i = 0; i < 10; ++i) {
+      StereoImages pair = camera.pair(i);
+      if (left && i % 4 == 3) pair.left = camera.pair(i - 1).left;
+      if (right && i % 4 == 3) pair.right = camera.pair(i - 1).right;
+      check.add(pair);
+    }
+    EXPECT_EQ(check.measurement().repeated_left, left ? 2 : 0);
+    EXPECT_EQ(check.measurement().repeated_right, right ? 2 : 0);
+  }
+}
+
+TEST(SequenceCheck, CountsFramesThatAreStampedTogether) {
+  const LateCamera camera("indoor", 0.0);
+  for (const bool late : {false, true}) {
+    SequenceCheck check;
+    for (int i = 0; i < 12; ++i) {
+      StereoImages pair = camera.pair(i);
+      if (late && i % 4 == 2) pair.stamp_ns += 45000000;  // of 50 ms
+      check.add(pair);
+    }
+    const SequenceMeasurement measurement = check.measurement();
+    EXPECT_EQ(measurement.crowded, late ? 3 : 0);
+    EXPECT_EQ(measurement.hasArrivalStamps(), late);
+  }
+}
+
+/// Without noise it repeats itself.
+TEST(SequenceCheck, CountsNoImagesOfASimulatedCameraThatStands) {
+  const LateCamera camera("indoor", 0.0);
+  SequenceCheck check;
+  for (int i = 0; i < 10; ++i) {
+    StereoImages pair = camera.pair(0);
+    pair.stamp_ns += i * 50000000LL;
+    check.add(pair);
+  }
+  EXPECT_EQ(check.measurement().repeated_left, 0);
+  EXPECT_EQ(check.measurement().repeated_right, 0);
+}
+
 TEST(SequenceCheck, IsInterruptedByImagesItCannotUse) {
   const LateCamera camera("indoor", 0.0);
   SequenceCheck check;

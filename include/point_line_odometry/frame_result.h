@@ -25,10 +25,11 @@ enum class TrackingState {
 enum class TrackingReason {
   kNone,
   kFirstFrame,
-  kStampNotNewer,  ///< frame dropped, nothing changed
-  kWrongImages,    ///< they or their masks are of another type or size than the camera's; frame
-                   ///< dropped, nothing changed
-  kFrameGap,       ///< too long since the last frame: tracking starts again
+  kStampNotNewer,   ///< frame dropped, nothing changed
+  kWrongImages,     ///< they or their masks are of another type or size than the camera's; frame
+                    ///< dropped, nothing changed
+  kFrameGap,        ///< too long since the last frame: tracking starts again
+  kRepeatedImages,  ///< an image of the previous frame again, byte for byte: its driver repeats it
   kTooFewFeatures,
   kTooFewMatches,
   kSolverFailed,

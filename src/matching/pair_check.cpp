@@ -7,6 +7,7 @@
 #include <cmath>
 #include <vector>
 
+#include "common/same_image.h"
 #include "common/statistics.h"
 #include "features/features.h"
 #include "matching/lens_check.h"
@@ -139,14 +140,6 @@ double contrastOf(const cv::Mat& image, const cv::Mat& mask) {
   return deviation[0];
 }
 
-bool areIdentical(const cv::Mat& left, const cv::Mat& right) {
-  if (left.size() != right.size() || cv::norm(left, right, cv::NORM_INF) > 0.0) return false;
-  double low = 0.0;
-  double high = 0.0;
-  cv::minMaxLoc(left, &low, &high);
-  return high > low;
-}
-
 }  // namespace
 
 PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right, const cv::Mat& left_mask,
@@ -162,7 +155,7 @@ PairMeasurement measurePair(const cv::Mat& left, const cv::Mat& right, const cv:
   measurement.keypoints_right = static_cast<int>(right_keypoints.size());
   measurement.contrast_left = contrastOf(left, left_mask);
   measurement.contrast_right = contrastOf(right, right_mask);
-  measurement.identical = areIdentical(left, right);
+  measurement.identical = isSameImage(left, right);
 
   if (left.size() == right.size()) {
     const LensMeasurement lenses =

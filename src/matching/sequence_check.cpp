@@ -5,8 +5,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <utility>
 
+#include "common/same_image.h"
 #include "common/statistics.h"
 #include "matching/patch_aligner.h"
 #include "matching/rolling_shutter.h"
@@ -107,6 +109,13 @@ std::optional<SequenceDelay> combined(const std::optional<SequenceDelay>& a,
                        a->variance * b->variance / sum};
 }
 
+int countCrowded(const std::vector<double>& periods_s) {
+  const double sum_s = std::accumulate(periods_s.begin(), periods_s.end(), 0.0);
+  const double least_s = 0.5 * sum_s / static_cast<double>(periods_s.size());
+  return static_cast<int>(std::count_if(periods_s.begin(), periods_s.end(),
+                                        [&](double period_s) { return period_s < least_s; }));
+}
+
 }  // namespace
 
 bool SequenceMeasurement::notSimultaneous() const {
@@ -127,6 +136,12 @@ bool SequenceMeasurement::hasRollingShutter() const {
   const double amount_s = std::abs(*read_out_s);
   return amount_s > kSigmas * read_out_sigma_s && amount_s > kLeastShare * period_s &&
          0.5 * amount_s * speed_px_s > kLeastShift_px;
+}
+
+bool SequenceMeasurement::hasArrivalStamps() const {
+  constexpr int kFewest = 3;  // a single hiccup is none
+  constexpr int kLeastPercent = 3;
+  return crowded >= kFewest && 100 * crowded > kLeastPercent * frames;
 }
 
 bool SequenceMeasurement::hasRestingPattern() const {
@@ -158,11 +173,14 @@ void SequenceCheck::add(const StereoImages& rectified) {
   const double period_s = toSeconds(rectified.stamp_ns - last_stamp_ns_);
   if (last_left_.size() == rectified.left.size() && period_s > 0.0) {
     frames_.back().period_s = period_s;
+    frame.same_left = isSameImage(rectified.left, last_left_);
+    frame.same_right = isSameImage(rectified.right, last_right_);
     track(rectified.left, keypoints, &frames_.back());
     fitField(&frames_.back());
   }
   frames_.push_back(std::move(frame));
   last_left_ = rectified.left.clone();
+  last_right_ = rectified.right.clone();
   last_keypoints_ = std::move(keypoints);
   last_stamp_ns_ = rectified.stamp_ns;
 }
@@ -336,6 +354,17 @@ void SequenceCheck::countResting(const Frame& frame, SequenceMeasurement* measur
   }
 }
 
+/// Of both images only single frames count: a camera without noise that stands repeats itself.
+void SequenceCheck::countRepeated(SequenceMeasurement* measurement) const {
+  const auto isSamePair = [](const Frame& frame) { return frame.same_left && frame.same_right; };
+  for (std::size_t t = 1; t + 1 < frames_.size(); ++t) {
+    if (isSamePair(frames_[t]) && (isSamePair(frames_[t - 1]) || isSamePair(frames_[t + 1])))
+      continue;
+    if (frames_[t].same_left) ++measurement->repeated_left;
+    if (frames_[t].same_right) ++measurement->repeated_right;
+  }
+}
+
 SequenceMeasurement SequenceCheck::measurement() const {
   constexpr double kFastest = 0.9;
   constexpr int kFewestInCell = 3;
@@ -351,6 +380,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     tracked.push_back(&frame);
     if (frame.period_s > 0.0) periods_s.push_back(frame.period_s);
   }
+  measurement.crowded = countCrowded(periods_s);
   measurement.period_s = median(std::move(periods_s));
   if (const auto read_out = left_ ? measureReadOut(tracked, *left_) : std::nullopt) {
     measurement.read_out_s = read_out->seconds;
@@ -364,6 +394,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     }
     countResting(frame, &measurement, &cells);
   }
+  countRepeated(&measurement);
   measurement.speed_px_s = quantile(std::move(speeds), kFastest);
   measurement.resting_cells = static_cast<int>(
       std::count_if(cells.begin(), cells.end(), [](int n) { return n >= kFewestInCell; }));

@@ -29,6 +29,7 @@ struct SequenceMeasurement {
   std::optional<double> read_out_s;
   double read_out_sigma_s = 0.0;
   double period_s = 0.0;  ///< from frame to frame, median
+  int crowded = 0;        ///< frames less than half of the mean period after the one before
 
   double speed_px_s = 0.0;  ///< of the points in the image, the fastest tenth apart
 
@@ -36,12 +37,19 @@ struct SequenceMeasurement {
   int resting = 0;        ///< those of them that rest in the image
   int resting_cells = 0;  ///< of 4 x 3 parts of the image, those with several of them
 
+  int repeated_left = 0;   ///< images that are those of the pair before, while others are not
+  int repeated_right = 0;  ///< the same of the right camera
+
   /// True if the delay is there beyond doubt and shifts points by more than their noise.
   bool notSimultaneous() const;
 
   /// True if rows are exposed one after the other beyond doubt, over a tenth of the period or more,
   /// and this shifts points by more than their noise.
   bool hasRollingShutter() const;
+
+  /// True if too many frames are crowded for a camera that takes them at a steady rate: they are
+  /// stamped when they arrive.
+  bool hasArrivalStamps() const;
 
   /// True if a pattern rests in the image while the scene moves: that of a projector at the camera.
   bool hasRestingPattern() const;
@@ -85,6 +93,8 @@ class SequenceCheck {
 
   struct Frame : FollowedFrame {
     std::optional<Field> field;  // of the velocities until the next frame
+    bool same_left = false;      // as in the frame before
+    bool same_right = false;
   };
 
   static void matchStereo(const StereoImages& images, const std::vector<Keypoint>& left,
@@ -92,6 +102,7 @@ class SequenceCheck {
   void track(const cv::Mat& left, const std::vector<Keypoint>& keypoints, Frame* from) const;
   static Terms terms(const Frame& frame, const Point& point);
   static void fitField(Frame* frame);
+  void countRepeated(SequenceMeasurement* measurement) const;
   static std::size_t cellOf(const Frame& frame, const Point& point, int columns, int rows);
   static void countResting(const Frame& frame, SequenceMeasurement* measurement,
                            std::vector<int>* cells);
@@ -100,6 +111,7 @@ class SequenceCheck {
 
   std::optional<CameraCalibration> left_;
   cv::Mat last_left_;  // empty: the next frame does not follow
+  cv::Mat last_right_;
   std::vector<Keypoint> last_keypoints_;
   std::int64_t last_stamp_ns_ = 0;
   std::vector<Frame> frames_;

@@ -28,6 +28,8 @@ const char* toString(TrackingReason reason) {
       return "wrong_images";
     case TrackingReason::kFrameGap:
       return "frame_gap";
+    case TrackingReason::kRepeatedImages:
+      return "repeated_images";
     case TrackingReason::kTooFewFeatures:
       return "too_few_features";
     case TrackingReason::kTooFewMatches:

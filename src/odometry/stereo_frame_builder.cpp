@@ -41,6 +41,7 @@ StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
   {
     const StageTimer timer(times, Stage::kDetect);
     frame.left_image = ImagePyramid(context->images.left.clone());
+    frame.right_image = context->images.right.clone();
     frame.features = detector->detect(context->images, threads, context->masks);
   }
   StereoMatches matches;

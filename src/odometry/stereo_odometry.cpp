@@ -1,5 +1,6 @@
 #include "point_line_odometry/stereo_odometry.h"
 
+#include <cstdint>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -67,6 +68,7 @@ class StereoOdometry::Impl {
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
   TrackedFrame track(FrameContext context, const FramePrior& prior, FrameResult* result);
+  void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
   void giveUp(const char* error, const FramePrior& prior, FrameResult* result);
   void restartTracking();
@@ -76,7 +78,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images, const Moti
   const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
-  result.reason = refusal(images, input_camera, state.stamp_ns);
+  result.reason = refusal(images, input_camera, state.clock.stamp());
   if (result.accepted()) {
     const FramePrior prior = state.prepare(given, images.stamp_ns);
     try {
@@ -99,6 +101,15 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   FrameContext context{images, scaling.camera(), correction, parameters, state.noise};
   context.masks = masks_now;
 
+  if (state.hasImageOfPrevious(images, prior)) {
+    TrackedFrame repeated{context, {}, {}};
+    repeated.frame.stamp_ns = images.stamp_ns;
+    repeated.frame.time_ns = state.clock.timeOf(images.stamp_ns);
+    repeated.tracking.reason = TrackingReason::kRepeatedImages;
+    finishWindow(result);
+    update(std::move(repeated), prior, result);
+    return;
+  }
   TrackedFrame curr = track(context, prior, result);
   const PriorReport prior_report = curr.tracking.prior;
   if (prior_report.use != PriorUse::kRejected || !hasCoarserPoints(curr.frame)) {
@@ -114,14 +125,12 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
 TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,
                                          FrameResult* result) {
   // Detect, match left with right, triangulate.
-  const auto start = state.trackingStart(context.images.stamp_ns, prior, parameters);
+  const std::int64_t time_ns = state.clock.timeOf(context.images.stamp_ns);
+  const auto start = state.trackingStart(time_ns, prior, parameters);
   StereoFrame frame = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
+  frame.time_ns = time_ns;
 
-  // Apply the bundle adjustment that ran meanwhile to the map.
-  {
-    const StageTimer timer(&result->times, Stage::kWindow);
-    state.failed_windows += window.finish(&state.history.map);
-  }
+  finishWindow(result);
 
   // Match with the previous frame and the map, estimate the motion.
   state.resting.leaveOut(&frame);
@@ -132,6 +141,12 @@ TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior&
     tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
   }
   return {std::move(context), std::move(frame), std::move(tracking)};
+}
+
+/// Applies the bundle adjustment that ran meanwhile to the map.
+void StereoOdometry::Impl::finishWindow(FrameResult* result) {
+  const StageTimer timer(&result->times, Stage::kWindow);
+  state.failed_windows += window.finish(&state.history.map);
 }
 
 void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, FrameResult* result) {
@@ -145,16 +160,17 @@ void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, Fr
 }
 
 void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, FrameResult* result) {
-  if (state.stamp_ns == result->stamp_ns) {
+  if (state.clock.stamp() == result->stamp_ns) {
     restartTracking();
     state.tracking = TrackingState::kDegraded;
-  } else if (state.stamp_ns) {
+  } else if (state.clock.stamp()) {
     state.predict(result->stamp_ns, parameters.tracking, prior);
     TrackingResult none;
     none.reason = TrackingReason::kException;
     result->prior = reportPrior(state, none, prior);
+  } else {
+    state.clock.add(result->stamp_ns);
   }
-  state.stamp_ns = result->stamp_ns;
   result->points.clear();  // perhaps of a scaled image
   result->lines.clear();
   result->unmatched_points_px.clear();

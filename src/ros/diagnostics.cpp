@@ -16,7 +16,14 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kRepeatPeriodS = 60.0;  // of a warning that persists
-constexpr double kShownS = 10.0;         // a rejected stamp, after it was received
+constexpr double kShownS = 10.0;         // what happened to a single frame or message
+
+constexpr const char* kRepeats =
+    "images of the frame before come again, byte for byte: the camera's driver repeats them";
+
+bool isRecent(const std::optional<ros::WallTime>& time) {
+  return time && (ros::WallTime::now() - *time).toSec() < kShownS;
+}
 
 std::uint8_t levelOf(TrackingState state) {
   switch (state) {
@@ -96,6 +103,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
     ROS_INFO("detector of line segments: %s", toString(frame.line_detector));
   }
   line_detector_ = frame.line_detector;
+  if (reason_ == TrackingReason::kRepeatedImages) noteRepeatedImages();
   failed_windows_ += static_cast<std::uint64_t>(frame.result.counts.failed_windows);
   counters_.relocalizations += static_cast<std::uint64_t>(frame.result.counts.relocalizations);
   counters_.masks_missing += static_cast<std::uint64_t>(frame.masks.missing);
@@ -104,6 +112,12 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
   if (process_ms_.size() > kRemembered) process_ms_.pop_front();
+}
+
+void Diagnostics::noteRepeatedImages() {
+  ++repeated_images_;
+  time_of_repeated_images_ = ros::WallTime::now();
+  if (log_throttle_.passes("repeated images", kRepeatPeriodS)) ROS_WARN("%s", kRepeats);
 }
 
 void Diagnostics::noteDropped() {
@@ -244,11 +258,12 @@ void Diagnostics::reportInput(Status& status) {
   } else {
     status.summary(DiagnosticStatus::ERROR, "no synchronised stereo images; " + timeout_);
   }
-  if (time_of_rejected_stamp_ &&
-      (ros::WallTime::now() - *time_of_rejected_stamp_).toSec() < kShownS) {
+  if (isRecent(time_of_rejected_stamp_)) {
     status.mergeSummary(DiagnosticStatus::WARN, "message rejected: " + rejected_stamp_);
   }
+  if (isRecent(time_of_repeated_images_)) status.mergeSummary(DiagnosticStatus::WARN, kRepeats);
   reportPriors(status);
+  status.add("frames with repeated images", repeated_images_);
   status.add("synchronised sets", num_sets_);
   status.add("messages rejected for their stamp", counters_.stamps_rejected);
   status.add("last of these", rejected_stamp_.empty() ? "none" : rejected_stamp_);

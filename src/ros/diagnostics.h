@@ -62,6 +62,7 @@ class Diagnostics {
  private:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
 
+  void noteRepeatedImages();
   void watchInput(const StereoSubscriber& subscriber);
   void reportTracking(Status& status);
   void reportInput(Status& status);
@@ -93,6 +94,8 @@ class Diagnostics {
   std::string timeout_;         // why no images are received, empty if they are
   std::string rejected_stamp_;  // the last one
   std::optional<ros::WallTime> time_of_rejected_stamp_;
+  std::uint64_t repeated_images_ = 0;  // frames
+  std::optional<ros::WallTime> time_of_repeated_images_;
   std::uint64_t num_sets_ = 0;
   std::uint64_t num_unsynchronized_ = 0;
   std::uint64_t processed_at_last_rate_ = 0;

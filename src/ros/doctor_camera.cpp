@@ -93,6 +93,20 @@ std::optional<DoctorLine> pairFault(const PairMeasurement& pair) {
   return obscuredLens(pair);
 }
 
+/// Images that come again with another stamp.
+std::optional<DoctorLine> repeatedImages(const SequenceMeasurement& sequence) {
+  const int left = sequence.repeated_left;
+  const int right = sequence.repeated_right;
+  if (left + right == 0) return std::nullopt;
+  return failureLine(
+      Subject::kImages, Level::kWarn,
+      std::to_string(left) + " left and " + std::to_string(right) + " right images of " +
+          std::to_string(sequence.frames) +
+          " pairs are those of the pair before, byte for byte, while the others are not",
+      "the driver hands out a buffer twice: lower the frame rate or the resolution to what the "
+      "camera and its bus give, and update the driver");
+}
+
 DoctorLine evaluateImages(const DoctorFacts& facts) {
   const auto& [left, right] = facts.images;
   for (const auto& image : {left, right}) {
@@ -117,6 +131,9 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
   if (facts.seam_column && !identical) return wrongCut(*facts.seam_column);
   if (facts.pair) {
     if (const auto line = pairFault(*facts.pair)) return *line;
+  }
+  if (facts.sequence) {
+    if (const auto line = repeatedImages(*facts.sequence)) return *line;
   }
   if (!facts.damage.empty()) {
     DoctorLine line = failureLine(Subject::kImages, facts.damage);

@@ -1,6 +1,7 @@
 #include "ros/doctor_topics.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 #include "common/join.h"
@@ -103,6 +104,17 @@ DoctorLine failedStamps(const DoctorFacts& facts, const std::string& what, doubl
           above);
 }
 
+/// Stamps of arrival in place of exposure.
+std::optional<DoctorLine> irregularStamps(const SequenceMeasurement& sequence) {
+  if (!sequence.hasArrivalStamps()) return std::nullopt;
+  return failureLine(Subject::kStamps, Level::kWarn,
+                     std::to_string(sequence.crowded) + " of " + std::to_string(sequence.frames) +
+                         " pairs are stamped less than half of the mean interval after the one "
+                         "before: with the time of their arrival",
+                     "let the driver stamp images with the time of exposure; stop what keeps the "
+                     "computer or the camera's bus busy");
+}
+
 DoctorLine evaluateStamps(const DoctorFacts& facts) {
   constexpr double kMostUnsynchronized = 0.2;
   constexpr std::uint64_t kFew = 5;
@@ -136,6 +148,9 @@ DoctorLine evaluateStamps(const DoctorFacts& facts) {
             " image pairs lacked an image or camera_info of the same stamp",
         "look for messages that are lost in transport (rostopic hz of each topic), and "
         "publish camera_info with every image");
+  }
+  if (facts.sequence) {
+    if (const auto line = irregularStamps(*facts.sequence)) return *line;
   }
   return okLine(Subject::kStamps,
                 "left and right " +
