@@ -674,9 +674,9 @@ TEST(SequenceLines, CountImagesThatComeAgain) {
 TEST(SequenceLines, TellStampsOfTheArrival) {
   SequenceMeasurement sequence;
   sequence.frames = 60;
-  sequence.crowded = 2;
+  sequence.early = 2;
   EXPECT_EQ(sequenceLine(Subject::kStamps, sequence).level, Level::kOk);
-  sequence.crowded = 8;
+  sequence.early = 8;
   const DoctorLine line = sequenceLine(Subject::kStamps, sequence);
   EXPECT_EQ(line.level, Level::kWarn);
   EXPECT_TRUE(contains(line.text, "8 of 60 pairs")) << line.text;

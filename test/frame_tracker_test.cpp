@@ -41,7 +41,7 @@ class FusionTest : public ::testing::Test {
     const FrameContext context{images_[i], kCamera, correction_, parameters_};
     StereoFeatureDetector detector(parameters_.points, parameters_.lines);
     StereoFrame frame;
-    frame.stamp_ns = frame.time_ns = images_[i].stamp_ns;
+    frame.stamp_ns = images_[i].stamp_ns;
     frame.left_image = ImagePyramid(images_[i].left);
     frame.features = detector.detect(images_[i], &threads_);
     triangulateMatches(matchStereo(frame.features, parameters_.matching, &threads_), context,

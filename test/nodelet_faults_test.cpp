@@ -721,7 +721,7 @@ TEST_F(NodeletFaultsTest, NamesImagesThatComeAgain) {
   EXPECT_EQ(again.state, OdometryInfo::DEGRADED);
   EXPECT_EQ(again.reason, "repeated_images");
   expectAt(synthetic::truePose(4));
-  EXPECT_TRUE(says("input", kWarn, "come again")) << said("input");
+  EXPECT_TRUE(says("input", kWarn, "driver repeats them")) << said("input");
   EXPECT_EQ(counted("input", "frames with repeated images"), 1);
   EXPECT_EQ(drive(5, 7).state, OdometryInfo::OK);
   expectAt(synthetic::truePose(6));

@@ -281,19 +281,30 @@ TEST(SequenceCheck, CountsImagesThatComeAgain) {
   }
 }
 
-TEST(SequenceCheck, CountsFramesThatAreStampedTogether) {
+TEST(SequenceCheck, CountsFramesThatAreStampedWhenTheyArrive) {
   const LateCamera camera("indoor", 0.0);
   for (const bool late : {false, true}) {
     SequenceCheck check;
-    for (int i = 0; i < 12; ++i) {
+    for (int i = 0; i < 13; ++i) {
       StereoImages pair = camera.pair(i);
       if (late && i % 4 == 2) pair.stamp_ns += 45000000;  // of 50 ms
       check.add(pair);
     }
     const SequenceMeasurement measurement = check.measurement();
-    EXPECT_EQ(measurement.crowded, late ? 3 : 0);
+    EXPECT_EQ(measurement.early, late ? 3 : 0);
     EXPECT_EQ(measurement.hasArrivalStamps(), late);
   }
+}
+
+TEST(SequenceCheck, TakesDroppedFramesAndAPauseForNoArrival) {
+  const LateCamera camera("indoor", 0.0);
+  SequenceCheck check;
+  for (const int i : {0, 2, 3, 5, 6, 7, 10, 11, 13, 14, 16}) {
+    StereoImages pair = camera.pair(i);
+    if (i > 10) pair.stamp_ns += 10000000000;
+    check.add(pair);
+  }
+  EXPECT_EQ(check.measurement().early, 0);
 }
 
 /// Without noise it repeats itself.

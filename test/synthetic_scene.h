@@ -351,6 +351,18 @@ inline StereoImages passing(int k) {
   return images;
 }
 
+/// With Gaussian noise of this standard deviation [grey levels], by the stamp.
+inline StereoImages noisy(StereoImages images, double sigma) {
+  Random random(static_cast<unsigned>(images.stamp_ns / kPeriodNs));
+  for (cv::Mat* image : {&images.left, &images.right}) {
+    *image = image->clone();
+    for (auto pixel = image->begin<uchar>(); pixel != image->end<uchar>(); ++pixel) {
+      *pixel = cv::saturate_cast<uchar>(*pixel + random.normal(sigma));
+    }
+  }
+  return images;
+}
+
 inline StereoImages black(std::int64_t stamp_ns) {
   const cv::Mat image(roomCamera().height, roomCamera().width, CV_8UC1, cv::Scalar(0));
   return {image, image, stamp_ns};

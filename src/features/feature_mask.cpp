@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
+
+#include "common/same_image.h"
 
 namespace point_line_odometry {
 namespace {
@@ -28,14 +29,6 @@ bool isSet(const cv::Mat& mask, float x, float y) {
   const int row = cvRound(y);
   return column >= 0 && row >= 0 && column < mask.cols && row < mask.rows &&
          mask.ptr<uchar>(row)[column] != 0;
-}
-
-bool same(const cv::Mat& a, const cv::Mat& b) {
-  if (a.size() != b.size()) return false;
-  for (int y = 0; y < a.rows; ++y) {
-    if (std::memcmp(a.ptr(y), b.ptr(y), static_cast<std::size_t>(a.cols)) != 0) return false;
-  }
-  return true;
 }
 
 /// A position on a segment, from its start on [0, 1].
@@ -167,7 +160,7 @@ double FeatureMask::share() const {
 
 const StereoMasks& StereoMaskCache::of(const StereoImages& images) {
   const auto take = [](const cv::Mat& mask, cv::Mat* last, FeatureMask* made) {
-    if (same(mask, *last)) return;
+    if (haveSameBytes(mask, *last)) return;
     *last = mask.clone();
     *made = FeatureMask(mask);
   };

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <utility>
 
 #include "common/same_image.h"
@@ -109,11 +108,15 @@ std::optional<SequenceDelay> combined(const std::optional<SequenceDelay>& a,
                        a->variance * b->variance / sum};
 }
 
-int countCrowded(const std::vector<double>& periods_s) {
-  const double sum_s = std::accumulate(periods_s.begin(), periods_s.end(), 0.0);
-  const double least_s = 0.5 * sum_s / static_cast<double>(periods_s.size());
-  return static_cast<int>(std::count_if(periods_s.begin(), periods_s.end(),
-                                        [&](double period_s) { return period_s < least_s; }));
+/// A camera that drops frames has periods of one, two, three of its intervals; those of frames that
+/// are stamped when they arrive are a fraction of one.
+int countEarly(const std::vector<double>& periods_s) {
+  constexpr double kShare = 0.25;
+  int count = 0;
+  for (std::size_t i = 1; i + 1 < periods_s.size(); ++i) {
+    if (periods_s[i] < kShare * std::min(periods_s[i - 1], periods_s[i + 1])) ++count;
+  }
+  return count;
 }
 
 }  // namespace
@@ -141,7 +144,7 @@ bool SequenceMeasurement::hasRollingShutter() const {
 bool SequenceMeasurement::hasArrivalStamps() const {
   constexpr int kFewest = 3;  // a single hiccup is none
   constexpr int kLeastPercent = 3;
-  return crowded >= kFewest && 100 * crowded > kLeastPercent * frames;
+  return early >= kFewest && 100 * early > kLeastPercent * frames;
 }
 
 bool SequenceMeasurement::hasRestingPattern() const {
@@ -161,6 +164,7 @@ void SequenceCheck::add(const StereoImages& rectified) {
     last_left_ = cv::Mat();
     return;
   }
+  if (!countRepeated(rectified)) return;
   Frame frame;
   frame.size = rectified.left.size();
   std::vector<Keypoint> keypoints = detectUnmasked(rectified.left, rectified.left_mask);
@@ -173,8 +177,6 @@ void SequenceCheck::add(const StereoImages& rectified) {
   const double period_s = toSeconds(rectified.stamp_ns - last_stamp_ns_);
   if (last_left_.size() == rectified.left.size() && period_s > 0.0) {
     frames_.back().period_s = period_s;
-    frame.same_left = isSameImage(rectified.left, last_left_);
-    frame.same_right = isSameImage(rectified.right, last_right_);
     track(rectified.left, keypoints, &frames_.back());
     fitField(&frames_.back());
   }
@@ -354,15 +356,24 @@ void SequenceCheck::countResting(const Frame& frame, SequenceMeasurement* measur
   }
 }
 
-/// Of both images only single frames count: a camera without noise that stands repeats itself.
-void SequenceCheck::countRepeated(SequenceMeasurement* measurement) const {
-  const auto isSamePair = [](const Frame& frame) { return frame.same_left && frame.same_right; };
-  for (std::size_t t = 1; t + 1 < frames_.size(); ++t) {
-    if (isSamePair(frames_[t]) && (isSamePair(frames_[t - 1]) || isSamePair(frames_[t + 1])))
-      continue;
-    if (frames_[t].same_left) ++measurement->repeated_left;
-    if (frames_[t].same_right) ++measurement->repeated_right;
+/// False for a pair of which one image is that of the pair before: it shows a wrong motion. A
+/// camera without noise that is stationary repeats both, for longer than a driver does.
+bool SequenceCheck::countRepeated(const StereoImages& rectified) {
+  constexpr int kMostByDriver = 2;
+  const bool left = isSameImage(rectified.left, last_left_);
+  const bool right = isSameImage(rectified.right, last_right_);
+  if (left && right) {
+    ++same_pairs_;
+    return true;
   }
+  if (same_pairs_ <= kMostByDriver) {
+    repeated_left_ += same_pairs_;
+    repeated_right_ += same_pairs_;
+  }
+  same_pairs_ = 0;
+  if (left) ++repeated_left_;
+  if (right) ++repeated_right_;
+  return !left && !right;
 }
 
 SequenceMeasurement SequenceCheck::measurement() const {
@@ -380,7 +391,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     tracked.push_back(&frame);
     if (frame.period_s > 0.0) periods_s.push_back(frame.period_s);
   }
-  measurement.crowded = countCrowded(periods_s);
+  measurement.early = countEarly(periods_s);
   measurement.period_s = median(std::move(periods_s));
   if (const auto read_out = left_ ? measureReadOut(tracked, *left_) : std::nullopt) {
     measurement.read_out_s = read_out->seconds;
@@ -394,7 +405,8 @@ SequenceMeasurement SequenceCheck::measurement() const {
     }
     countResting(frame, &measurement, &cells);
   }
-  countRepeated(&measurement);
+  measurement.repeated_left = repeated_left_;
+  measurement.repeated_right = repeated_right_;
   measurement.speed_px_s = quantile(std::move(speeds), kFastest);
   measurement.resting_cells = static_cast<int>(
       std::count_if(cells.begin(), cells.end(), [](int n) { return n >= kFewestInCell; }));

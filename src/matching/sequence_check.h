@@ -29,7 +29,7 @@ struct SequenceMeasurement {
   std::optional<double> read_out_s;
   double read_out_sigma_s = 0.0;
   double period_s = 0.0;  ///< from frame to frame, median
-  int crowded = 0;        ///< frames less than half of the mean period after the one before
+  int early = 0;          ///< frames much sooner after the one before than its neighbours
 
   double speed_px_s = 0.0;  ///< of the points in the image, the fastest tenth apart
 
@@ -37,7 +37,9 @@ struct SequenceMeasurement {
   int resting = 0;        ///< those of them that rest in the image
   int resting_cells = 0;  ///< of 4 x 3 parts of the image, those with several of them
 
-  int repeated_left = 0;   ///< images that are those of the pair before, while others are not
+  /// Images that are those of the pair before, while the other one is not; of both, of at most two
+  /// pairs in a row.
+  int repeated_left = 0;
   int repeated_right = 0;  ///< the same of the right camera
 
   /// True if the delay is there beyond doubt and shifts points by more than their noise.
@@ -47,8 +49,8 @@ struct SequenceMeasurement {
   /// and this shifts points by more than their noise.
   bool hasRollingShutter() const;
 
-  /// True if too many frames are crowded for a camera that takes them at a steady rate: they are
-  /// stamped when they arrive.
+  /// True if too many frames are early for a camera that takes them at a steady rate and may drop
+  /// some: they are stamped when they arrive.
   bool hasArrivalStamps() const;
 
   /// True if a pattern rests in the image while the scene moves: that of a projector at the camera.
@@ -93,8 +95,6 @@ class SequenceCheck {
 
   struct Frame : FollowedFrame {
     std::optional<Field> field;  // of the velocities until the next frame
-    bool same_left = false;      // as in the frame before
-    bool same_right = false;
   };
 
   static void matchStereo(const StereoImages& images, const std::vector<Keypoint>& left,
@@ -102,7 +102,7 @@ class SequenceCheck {
   void track(const cv::Mat& left, const std::vector<Keypoint>& keypoints, Frame* from) const;
   static Terms terms(const Frame& frame, const Point& point);
   static void fitField(Frame* frame);
-  void countRepeated(SequenceMeasurement* measurement) const;
+  bool countRepeated(const StereoImages& rectified);
   static std::size_t cellOf(const Frame& frame, const Point& point, int columns, int rows);
   static void countResting(const Frame& frame, SequenceMeasurement* measurement,
                            std::vector<int>* cells);
@@ -112,6 +112,9 @@ class SequenceCheck {
   std::optional<CameraCalibration> left_;
   cv::Mat last_left_;  // empty: the next frame does not follow
   cv::Mat last_right_;
+  int repeated_left_ = 0;
+  int repeated_right_ = 0;
+  int same_pairs_ = 0;  // in a row, of the latest ones
   std::vector<Keypoint> last_keypoints_;
   std::int64_t last_stamp_ns_ = 0;
   std::vector<Frame> frames_;

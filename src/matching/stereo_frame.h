@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "features/features.h"
 #include "features/image_pyramid.h"
 #include "geometry/triangulation.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
@@ -40,14 +42,19 @@ struct StereoLine {
 /// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
-  std::int64_t time_ns = 0;  ///< when it was taken, see FrameClock
-  ImagePyramid left_image;   ///< a copy: the next frames align its patches
-  cv::Mat right_image;       ///< a copy, to recognise it if it comes again
+  double least_interval_s = 0.0;  ///< since any frame before, see FrameIntervals
+  ImagePyramid left_image;        ///< a copy: the next frames align its patches
+  cv::Mat right_image;            ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
   /// Points that are not tracked, as features rest there while the scene moves.
   std::vector<StereoPoint> resting_points;
 };
+
+/// Time from a frame to a later one [s].
+inline double secondsBetween(const StereoFrame& earlier, const StereoFrame& later) {
+  return std::max(toSeconds(later.stamp_ns - earlier.stamp_ns), later.least_interval_s);
+}
 
 }  // namespace point_line_odometry

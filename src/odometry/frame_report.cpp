@@ -25,7 +25,7 @@ FrameCounts countFeatures(const StereoFrame& frame) {
 bool wasRelocalized(const OdometryState& state, const TrackingResult& tracked) {
   const bool measured = tracked.reason == TrackingReason::kNone;
   return tracked.relocalized || (measured && state.tracking == TrackingState::kLost &&
-                                 state.history.previous->stamp_ns < *state.clock.stamp());
+                                 state.history.previous->stamp_ns < *state.stamp_ns);
 }
 
 FrameCounts countTracked(const OdometryState& state, const StereoFrame& curr,

@@ -116,7 +116,7 @@ TrackingResult FrameTracker::track(const StereoFrame& curr) const {
 
 /// Without a check of the prior's use.
 TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrior* prior) const {
-  const double dt_s = toSeconds(curr.time_ns - history_.previous->time_ns);
+  const double dt_s = secondsBetween(*history_.previous, curr);
   const Expectation expected{predictMotion(velocity_, dt_s, parameters_, prior), prior};
   TrackingResult tracked = trackFrameToFrame(curr, expected);
   if (tracked.prior.use == PriorUse::kRejected) return tracked;
@@ -165,7 +165,7 @@ TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
         tracked.motion.ok() ? std::make_optional(tracked.motion.T_curr_prev) : std::nullopt;
   }
   if (T_curr_previous && isPlaceRecognized(map, tracked.landmark_matches, tracked.motion)) {
-    const double dt_s = toSeconds(curr.time_ns - history_.previous->time_ns);
+    const double dt_s = secondsBetween(*history_.previous, curr);
     tracked.reason = reasonOf(tracked.motion, dt_s);
   }
   tracked.relocalized = tracked.reason == TrackingReason::kNone;
@@ -371,7 +371,7 @@ MotionEstimate FrameTracker::estimateByImages(const Correspondences& matches,
 ConstantVelocityMotion FrameTracker::atVelocity(const Eigen::Isometry3d& T_curr_prev,
                                                 const StereoFrame& prev,
                                                 const StereoFrame& curr) const {
-  const double dt_s = toSeconds(curr.time_ns - prev.time_ns);
+  const double dt_s = secondsBetween(prev, curr);
   return {T_curr_prev, dt_s * dt_s * velocity_->covariance, dt_s};
 }
 
@@ -410,8 +410,8 @@ MotionEstimate FrameTracker::estimate(const Correspondences& matches, const Expe
 /// already: it is not counted twice.
 void FrameTracker::constrainWeakAxes(const StereoFrame& curr, TrackingResult* tracked) const {
   if (!parameters_.motion.predict_weak_axes || !tracked->motion.ok()) return;
-  const double dt_s = toSeconds(curr.time_ns - history_.previous->time_ns);
-  const double unmeasured_s = velocity_ ? toSeconds(curr.time_ns - velocity_->time_ns) : dt_s;
+  const double dt_s = secondsBetween(*history_.previous, curr);
+  const double unmeasured_s = velocity_ ? toSeconds(curr.stamp_ns - velocity_->stamp_ns) : dt_s;
   const PredictedMotion expected =
       expectedMotion(velocity_, dt_s, unmeasured_s, parameters_.tracking);
   tracked->weak =

@@ -43,15 +43,15 @@ void OdometryPose::continueAt(const Eigen::Isometry3d& T_odom_camera) {
 }
 
 TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHistory& history,
-                                   std::int64_t time_ns, double dt_s,
+                                   const StereoFrame& curr, double dt_s,
                                    const TrackingParameters& parameters, const MotionPrior* prior) {
   if (tracked.reason == TrackingReason::kFirstFrame && dt_s == 0.0) {
     smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kInitializing;
   }
   if (tracked.reason != TrackingReason::kNone) return predict(dt_s, parameters, prior);
-  const double since_previous_s = toSeconds(time_ns - history.previous->time_ns);
-  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, time_ns);
+  const double since_previous_s = secondsBetween(*history.previous, curr);
+  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, curr.stamp_ns);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   if (gap || since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
     integrator_.widenVelocity();
@@ -111,12 +111,12 @@ void OdometryPose::correctTilt(const TiltCorrection& correction) {
 }
 
 std::optional<CameraVelocity> OdometryPose::velocityFor(
-    std::int64_t time_ns, const TrackingParameters& parameters) const {
+    std::int64_t stamp_ns, const TrackingParameters& parameters) const {
   std::optional<CameraVelocity> velocity = integrator_.velocity();
   if (!velocity || integrator_.predictedTime() == 0.0) return velocity;
   const double longest_s =
       std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
-  if (toSeconds(time_ns - velocity->time_ns) > longest_s) velocity->is_current = false;
+  if (toSeconds(stamp_ns - velocity->stamp_ns) > longest_s) velocity->is_current = false;
   return velocity;
 }
 

@@ -54,7 +54,7 @@ class OdometryPose {
   /// Updates the pose by the tracking result of a frame, `dt_s` after the frame before (0: it is
   /// the very first); without a motion as predict() does. Returns how far the pose can be trusted.
   TrackingState update(const TrackingResult& tracked, const FrameHistory& history,
-                       std::int64_t time_ns, double dt_s, const TrackingParameters& parameters,
+                       const StereoFrame& curr, double dt_s, const TrackingParameters& parameters,
                        const MotionPrior* prior);
 
   /// Predicts the pose from the last velocity and a prior of the motion since the last frame (null:
@@ -85,10 +85,13 @@ class OdometryPose {
   const std::optional<CameraVelocity>& velocity() const { return integrator_.velocity(); }
   void loseVelocity() { integrator_.loseVelocity(); }
 
+  /// Whether the published pose is held, as the camera is stationary (tracking/standstill_hold).
+  bool isHeld() const { return smoother_.holds(); }
+
   /// The same as the next frame may use it to predict pixels: not current either if motions have
   /// been predicted for longer than the velocity alone may predict them.
-  /// \param time_ns of the next frame.
-  std::optional<CameraVelocity> velocityFor(std::int64_t time_ns,
+  /// \param stamp_ns of the next frame.
+  std::optional<CameraVelocity> velocityFor(std::int64_t stamp_ns,
                                             const TrackingParameters& parameters) const;
 
   /// Fills in poses, velocity and their covariances.

@@ -1,12 +1,12 @@
 #include "odometry/odometry_state.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
 #include "geometry/se3.h"
 #include "map/new_landmarks.h"
 #include "odometry/motion_prediction.h"
-#include "odometry/repeated_images.h"
 #include "odometry/stage_timer.h"
 
 namespace point_line_odometry {
@@ -31,7 +31,7 @@ bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
     return true;
   }
   const bool outlived =
-      toSeconds(curr.time_ns - history.previous->time_ns) > parameters.tracking.max_prediction_s;
+      secondsBetween(*history.previous, curr) > parameters.tracking.max_prediction_s;
   const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
   return outlived && features >= parameters.motion.min_matches;
 }
@@ -56,8 +56,8 @@ void coverMotion(const Eigen::Isometry3d& T_prev_curr, TrackingResult* tracked) 
 
 }  // namespace
 
-bool isExpired(const LostMap& lost, std::int64_t time_ns, const TrackingParameters& parameters) {
-  return toSeconds(time_ns - lost.history.previous->time_ns) > parameters.relocalization_s;
+bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters) {
+  return toSeconds(stamp_ns - lost.history.previous->stamp_ns) > parameters.relocalization_s;
 }
 
 bool calibratesStereo(const Parameters& parameters) {
@@ -69,18 +69,18 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
                            ThreadPool* threads, StageTimes* times) {
   const Parameters& parameters = context.parameters;
   const bool measured = tracked.reason == TrackingReason::kNone;
-  if (lost && isExpired(*lost, curr.time_ns, parameters.tracking)) lost.reset();
-  if (lost && tracked.tried_lost_map) lost->tried_ns = curr.time_ns;
-  const double dt_s = clock.secondsTo(curr.stamp_ns);
-  tracking = pose.update(tracked, history, curr.time_ns, dt_s, parameters.tracking, prior.ofStep());
+  if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
+  if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
+  const double dt_s = sinceLast(curr);
+  tracking = pose.update(tracked, history, curr, dt_s, parameters.tracking, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0, agreed);
-  clock.add(curr.stamp_ns);
+  noteStamp(curr.stamp_ns);
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
   const bool calibrates = calibratesStereo(parameters);
-  if (calibrates) {
+  if (calibrates && tracked.reason != TrackingReason::kRepeatedImages) {
     const StageTimer timer(times, Stage::kRefine);
     stereo_calibration.addVerticalDisparities(verticalDisparities(curr),
                                               parameters.motion.point_noise_px);
@@ -90,6 +90,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   } else if (!measured) {
     resting.addLost(dt_s);
   }
+  if (measured) repeated.learn(*history.previous, curr, pose.isHeld());
   if (shouldReplace(history, curr, tracked, parameters)) {
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
@@ -125,22 +126,34 @@ void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context
 FramePrior OdometryState::prepare(const MotionPrior* prior, std::int64_t curr_stamp_ns) const {
   std::optional<std::int64_t> previous_ns;
   if (history.previous) previous_ns = history.previous->stamp_ns;
-  return priors.prepare(prior, clock.stamp(), previous_ns, curr_stamp_ns);
+  return priors.prepare(prior, stamp_ns, previous_ns, curr_stamp_ns);
 }
 
-std::optional<TrackingStart> OdometryState::trackingStart(std::int64_t curr_time_ns,
+std::optional<TrackingStart> OdometryState::trackingStart(std::int64_t curr_stamp_ns,
                                                           const FramePrior& prior,
                                                           const Parameters& parameters) const {
   if (!history.previous) return std::nullopt;
-  const double dt_s = toSeconds(curr_time_ns - history.previous->time_ns);
+  const double dt_s =
+      std::max(toSeconds(curr_stamp_ns - history.previous->stamp_ns), intervals.least());
   return TrackingStart{*history.previous,
-                       predictMotion(pose.velocityFor(curr_time_ns, parameters.tracking), dt_s,
+                       predictMotion(pose.velocityFor(curr_stamp_ns, parameters.tracking), dt_s,
                                      parameters, prior.ofMotion())};
 }
 
-bool OdometryState::hasImageOfPrevious(const StereoImages& images, const FramePrior& prior) const {
-  return history.previous &&
-         areRepeated(images, *history.previous, clock, pose.velocity(), prior.ofMotion());
+double OdometryState::sinceLast(const StereoFrame& curr) const {
+  return stamp_ns ? std::max(toSeconds(curr.stamp_ns - *stamp_ns), curr.least_interval_s) : 0.0;
+}
+
+void OdometryState::noteStamp(std::int64_t curr_stamp_ns) {
+  if (stamp_ns) intervals.add(toSeconds(curr_stamp_ns - *stamp_ns));
+  stamp_ns = curr_stamp_ns;
+}
+
+bool OdometryState::repeatsImages(const StereoImages& images, const FramePrior& prior,
+                                  const TrackingParameters& parameters) const {
+  if (!history.previous || toSeconds(images.stamp_ns - *stamp_ns) > parameters.max_frame_gap_s)
+    return false;
+  return repeated.areIn(images, *history.previous, intervals, pose.velocity(), prior.ofMotion());
 }
 
 /// Of two lost maps the one with more keyframes is kept.
@@ -152,8 +165,8 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
-  tracking = pose.predict(clock.secondsTo(curr_stamp_ns), parameters, prior.ofStep());
-  clock.add(curr_stamp_ns);
+  tracking = pose.predict(toSeconds(curr_stamp_ns - *stamp_ns), parameters, prior.ofStep());
+  noteStamp(curr_stamp_ns);
 }
 
 bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext& context,
@@ -188,7 +201,8 @@ void OdometryState::continueAt(const Eigen::Isometry3d& T_odom_camera) {
   restartTracking();
   pose.continueAt(T_odom_camera);
   tracking = TrackingState::kInitializing;
-  clock = FrameClock();
+  stamp_ns.reset();
+  intervals = FrameIntervals();
 }
 
 void OdometryState::restartMap(const Parameters& parameters) {

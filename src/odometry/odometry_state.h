@@ -8,10 +8,11 @@
 #include "motion/noise_scale.h"
 #include "motion/online_stereo_calibration.h"
 #include "odometry/coarser_points.h"
-#include "odometry/frame_clock.h"
+#include "odometry/frame_intervals.h"
 #include "odometry/frame_tracker.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
+#include "odometry/repeated_images.h"
 #include "odometry/resting_features.h"
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/parameters.h"
@@ -23,7 +24,7 @@ namespace point_line_odometry {
 struct LostMap {
   FrameHistory history;  ///< with a map
   MapAnchor anchor;
-  std::int64_t tried_ns = 0;  ///< time of the last frame that was tried
+  std::int64_t tried_ns = 0;  ///< stamp of the last frame that was tried
 
   auto state() {
     auto& [history_of_this, anchor_of_this, tried] = *this;
@@ -32,7 +33,7 @@ struct LostMap {
 };
 
 /// Whether a lost map is older than tracking/relocalization_s.
-bool isExpired(const LostMap& lost, std::int64_t time_ns, const TrackingParameters& parameters);
+bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParameters& parameters);
 
 /// Whether the stereo calibration is refined: small displacements are measurable with sub-pixels
 /// only.
@@ -41,15 +42,17 @@ bool calibratesStereo(const Parameters& parameters);
 /// The state between frames. A value: it is copied, assigned and saved as a whole.
 struct OdometryState {
   TrackingState tracking = TrackingState::kInitializing;
-  FrameClock clock;      ///< of the accepted frames
-  FrameHistory history;  ///< previous frames and the map
+  std::optional<std::int64_t> stamp_ns;  ///< of the last accepted frame
+  FrameIntervals intervals;              ///< of the accepted frames
+  FrameHistory history;                  ///< previous frames and the map
   std::optional<LostMap> lost;
   OdometryPose pose;
   OnlineStereoCalibration stereo_calibration;
   NoiseScale noise;
   PriorChain priors;
   RestingFeatures resting;  ///< on the robot's own body
-  int failed_windows = 0;   ///< not yet reported by a frame
+  RepeatedImages repeated;
+  int failed_windows = 0;  ///< not yet reported by a frame
 
   /// Before the first frame. \param camera of the images as they are processed.
   explicit OdometryState(const StereoCamera& camera,
@@ -65,12 +68,19 @@ struct OdometryState {
   FramePrior prepare(const MotionPrior* prior, std::int64_t stamp_ns) const;
 
   /// From where the points of a new frame are tracked; nothing without a previous frame.
-  std::optional<TrackingStart> trackingStart(std::int64_t curr_time_ns, const FramePrior& prior,
+  std::optional<TrackingStart> trackingStart(std::int64_t curr_stamp_ns, const FramePrior& prior,
                                              const Parameters& parameters) const;
 
-  /// Whether a pair repeats an image of the previous frame although the camera has moved; see
-  /// areRepeated().
-  bool hasImageOfPrevious(const StereoImages& images, const FramePrior& prior) const;
+  /// From the last accepted frame [s]; 0 for the very first one.
+  double sinceLast(const StereoFrame& curr) const;
+
+  /// Whether a pair has an image of the previous frame again, see RepeatedImages. After a gap it is
+  /// tracked, as then the motion is not predicted.
+  bool repeatsImages(const StereoImages& images, const FramePrior& prior,
+                     const TrackingParameters& parameters) const;
+
+  /// A frame with this stamp is accepted.
+  void noteStamp(std::int64_t curr_stamp_ns);
 
   /// Predicts the pose of a frame that could not be processed; the previous frame remains.
   void predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
@@ -96,10 +106,12 @@ struct OdometryState {
   void restartMap(const Parameters& parameters);
 
   auto state() {
-    auto& [tracking_of_this, clock_of_this, history_of_this, lost_of_this, pose_of_this,
-           calibration, noise_of_this, priors_of_this, resting_of_this, failed] = *this;
-    return std::tie(tracking_of_this, clock_of_this, history_of_this, lost_of_this, pose_of_this,
-                    calibration, noise_of_this, priors_of_this, resting_of_this, failed);
+    auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
+           calibration, noise_of_this, priors_of_this, resting_of_this, repeated_of_this, failed] =
+        *this;
+    return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
+                    pose_of_this, calibration, noise_of_this, priors_of_this, resting_of_this,
+                    repeated_of_this, failed);
   }
 
  private:

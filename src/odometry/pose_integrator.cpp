@@ -56,7 +56,7 @@ void PoseIntegrator::continueAt(const Eigen::Isometry3d& T_odom_camera, const Ma
   *this = next;
 }
 
-void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t time_ns) {
+void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {
   const auto composed = [&](const Matrix6d& covariance) {
     return composeCovariance(T_odom_previous_, previous_covariance_, step.T_previous_camera,
                              covariance);
@@ -73,7 +73,7 @@ void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::in
   covariance.topLeftCorner<3, 3>() +=
       kScaleError * kScaleError * translation * translation.transpose();
   velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s), covariance / (dt_s * dt_s),
-                             dt_s, time_ns};
+                             dt_s, stamp_ns};
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
   predicted_error_.setZero();

@@ -18,7 +18,7 @@ struct CameraVelocity {
   Vector6d value = Vector6d::Zero();
   Matrix6d covariance = Matrix6d::Zero();
   double measured_over_s = 0.0;  ///< time between the two frames that it is from
-  std::int64_t time_ns = 0;      ///< of the second one
+  std::int64_t stamp_ns = 0;     ///< of the second one
   /// False: from before tracking was lost, or a mean over a time without tracking. It predicts
   /// neither pixels nor poses, but is better than nothing along axes that images do not show.
   bool is_current = true;
@@ -64,7 +64,7 @@ class PoseIntegrator {
   void continueAt(const Eigen::Isometry3d& T_odom_camera, const Matrix6d& added);
 
   /// Continues from the previous frame's pose with an estimated motion.
-  void addMeasurement(const MotionStep& step, double dt_s, std::int64_t time_ns);
+  void addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns);
 
   /// Continues from the last pose at the last velocity, with grown covariance. Without a current
   /// velocity a prior that knows the translation suffices. Returns false if there is neither, or if

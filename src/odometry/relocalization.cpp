@@ -20,9 +20,9 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
                                ThreadPool* threads, StageTimes* times) {
   if (!state.history.previous) return without(TrackingReason::kFirstFrame);
   const TrackingParameters& parameters = context.parameters.tracking;
-  const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.time_ns, parameters);
+  const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
   const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
-  const double dt_s = state.clock.secondsTo(curr.stamp_ns);
+  const double dt_s = state.sinceLast(curr);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
   const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
@@ -46,7 +46,7 @@ std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
   if (!tracked.relocalized) return std::nullopt;
   const Eigen::Isometry3d T_odom_camera =
       lost.anchor.T_odom_previous * tracked.motion.T_curr_prev.inverse();
-  const double dt_s = state.clock.secondsTo(curr.stamp_ns);
+  const double dt_s = state.sinceLast(curr);
   if (!state.pose.isReachable(T_odom_camera, dt_s, context.parameters.tracking))
     return std::nullopt;
   tracked.in_lost_map = true;
@@ -61,8 +61,8 @@ TrackingResult trackOrRelocalize(const OdometryState& state, const StereoFrame& 
   TrackingResult tracked = trackCurrentMap(state, curr, prior, context, threads, times);
   if (tracked.relocalized || !state.lost) return tracked;
   const bool measured = tracked.reason == TrackingReason::kNone;
-  if (measured && toSeconds(curr.time_ns - state.lost->tried_ns) < kRetry_s) return tracked;
-  if (isExpired(*state.lost, curr.time_ns, context.parameters.tracking)) return tracked;
+  if (measured && toSeconds(curr.stamp_ns - state.lost->tried_ns) < kRetry_s) return tracked;
+  if (isExpired(*state.lost, curr.stamp_ns, context.parameters.tracking)) return tracked;
   if (auto found = relocalizeInLostMap(state, curr, context, threads, times)) return *found;
   tracked.tried_lost_map = true;
   return tracked;

@@ -1,5 +1,6 @@
 #include "odometry/repeated_images.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/same_image.h"
@@ -8,18 +9,26 @@
 namespace point_line_odometry {
 namespace {
 
-// A buffer is handed out again once or twice: what rests in the images for longer than this many
-// times the interval between frames has stopped, as simulated robots do without braking.
+constexpr int kNoisyFrames = 10;  // a codec has some without noise among as many
+constexpr double kMostPixels = 0.5;
+
+// A buffer is handed out again once or twice: without noise, what rests in the images for longer
+// than this many times the interval between frames is stationary, as simulated robots are at once.
 constexpr double kMostIntervals = 2.5;
 
-// How fast a robot brakes. [m/s^2], [rad/s^2]
-constexpr double kBraking = 1.0;
+// How fast a robot brakes [m/s^2], [rad/s^2], and the noise of its velocity in addition.
+constexpr double kBraking = 3.0;
 constexpr double kAngularBraking = 4.0;
-constexpr double kNoiseSigmas = 3.0;  // of the velocity, in addition
+constexpr double kNoiseSigmas = 3.0;
 
 // Standard deviation of what the covariance of a stationary camera's prior leaves out, along each
-// axis. [m/s], [rad/s]
+// axis [m/s], [rad/s].
 constexpr double kRateError = 0.05;
+
+bool mostlyDiffer(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() != b.size() ||
+         cv::countNonZero(a != b) > kMostPixels * static_cast<double>(a.total());
+}
 
 bool mayHaveStopped(double dt_s, const CameraVelocity& velocity) {
   const auto may = [&](double braking, int first) {
@@ -29,32 +38,47 @@ bool mayHaveStopped(double dt_s, const CameraVelocity& velocity) {
   return may(kBraking, 0) && may(kAngularBraking, 3);
 }
 
-/// Whether a camera may be where it was at the previous frame, by a prior and its velocity there.
-bool mayBeStationary(double dt_s, const std::optional<CameraVelocity>& velocity,
-                     const MotionPrior* prior) {
-  if (prior != nullptr) {
-    const Matrix6d covariance = std::pow(kRateError * dt_s, 2) * Matrix6d::Identity();
-    const PriorReport report =
-        PriorFactor::compare(*prior, Eigen::Isometry3d::Identity(), covariance);
-    if (!PriorFactor::agrees(report)) return false;
-    if (knowsTranslation(*prior)) return true;
-  }
-  return !velocity || mayHaveStopped(dt_s, *velocity);
+bool agreesWithStandstill(const MotionPrior& prior, double dt_s) {
+  const Matrix6d covariance = std::pow(kRateError * dt_s, 2) * Matrix6d::Identity();
+  return PriorFactor::agrees(
+      PriorFactor::compare(prior, Eigen::Isometry3d::Identity(), covariance));
 }
 
 }  // namespace
 
-bool areRepeated(const StereoImages& images, const StereoFrame& previous, const FrameClock& clock,
-                 const std::optional<CameraVelocity>& velocity, const MotionPrior* prior) {
-  const bool left = isSameImage(images.left, previous.left_image.levels.front());
+bool RepeatedImages::hasNoise() const { return noisy_frames_ >= kNoisyFrames; }
+
+bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previous,
+                           const FrameIntervals& intervals,
+                           const std::optional<CameraVelocity>& velocity,
+                           const MotionPrior* prior) const {
+  const cv::Mat& previous_left = previous.left_image.levels.front();
+  const bool left = isSameImage(images.left, previous_left);
   const bool right = isSameImage(images.right, previous.right_image);
-  if (left != right) return true;
-  if (!left) return false;
-  const double dt_s = toSeconds(clock.timeOf(images.stamp_ns) - previous.time_ns);
-  const double most_s = kMostIntervals * clock.meanInterval();
-  const bool usable = velocity && velocity->is_current && velocity->time_ns == previous.time_ns &&
-                      velocity->measured_over_s <= most_s && dt_s <= most_s;
-  return !mayBeStationary(dt_s, usable ? velocity : std::nullopt, prior);
+  if (!left && !right) return false;
+  if (hasNoise()) return true;
+  const double dt_s = std::max(toSeconds(images.stamp_ns - previous.stamp_ns), intervals.least());
+  const bool known = velocity && velocity->is_current && velocity->stamp_ns == previous.stamp_ns;
+  const bool other_differs =
+      left != right && (left ? mostlyDiffer(images.right, previous.right_image)
+                             : mostlyDiffer(images.left, previous_left));
+  if (other_differs) return !known || !mayHaveStopped(dt_s, *velocity);
+  const double most_s = kMostIntervals * intervals.usual();
+  if (believed_ || dt_s > most_s) return false;
+  if (prior != nullptr) {
+    if (!agreesWithStandstill(*prior, dt_s)) return true;
+    if (knowsTranslation(*prior)) return false;
+  }
+  return known && velocity->measured_over_s <= most_s && !mayHaveStopped(dt_s, *velocity);
+}
+
+void RepeatedImages::learn(const StereoFrame& previous, const StereoFrame& curr, bool stationary) {
+  const cv::Mat& previous_left = previous.left_image.levels.front();
+  const cv::Mat& left = curr.left_image.levels.front();
+  believed_ =
+      isSameImage(left, previous_left) && isSameImage(curr.right_image, previous.right_image);
+  if (!stationary || hasNoise()) return;
+  noisy_frames_ = mostlyDiffer(left, previous_left) ? noisy_frames_ + 1 : 0;
 }
 
 }  // namespace point_line_odometry

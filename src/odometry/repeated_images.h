@@ -1,24 +1,45 @@
 #pragma once
 
 #include <optional>
+#include <tuple>
 
 #include "matching/stereo_frame.h"
-#include "odometry/frame_clock.h"
+#include "odometry/frame_intervals.h"
 #include "odometry/pose_integrator.h"
 #include "point_line_odometry/motion_prior.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
-/// Whether a pair has an image of the previous frame again, byte for byte, as from a driver that
-/// hands out a buffer twice. The pair then shows no motion, or a wrong one. Both images of a camera
-/// without noise, a simulated one, do so where it is stationary: these are repeated only if the
-/// prior says that it moves on, or, where that does not know the translation, the velocity: for a
-/// few frames, as a simulated robot may stop without braking.
-/// \param images as they are processed. \param clock before this frame. \param velocity the last
-/// estimate, current or not, of any frame; nothing if unknown. \param prior of the motion since the
-/// previous frame; null: none.
-bool areRepeated(const StereoImages& images, const StereoFrame& previous, const FrameClock& clock,
-                 const std::optional<CameraVelocity>& velocity, const MotionPrior* prior);
+/// Recognises pairs that have an image of the previous frame again, byte for byte, as from a driver
+/// that hangs or hands out a buffer twice: they show no motion, or a wrong one. The noise of a
+/// camera that is stationary changes nearly all pixels from frame to frame; once it has been seen,
+/// each repetition is the driver's. Until then one of a camera without noise, as a simulated one,
+/// or behind a video codec, is possible, and both images may be those of a stationary camera.
+class RepeatedImages {
+ public:
+  /// \param images as they are processed. \param intervals of the frames before. \param velocity
+  /// the last estimate, current or not, of any frame; nothing if unknown. \param prior of the
+  /// motion since the previous frame; null: none.
+  bool areIn(const StereoImages& images, const StereoFrame& previous,
+             const FrameIntervals& intervals, const std::optional<CameraVelocity>& velocity,
+             const MotionPrior* prior) const;
+
+  /// Learns whether the camera has noise. \param curr measured relative to the previous frame.
+  /// \param stationary whether the camera is.
+  void learn(const StereoFrame& previous, const StereoFrame& curr, bool stationary);
+
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [noisy_frames, believed] = *this;
+    return std::tie(noisy_frames, believed);
+  }
+
+ private:
+  bool hasNoise() const;
+
+  int noisy_frames_ = 0;   // in a row, while stationary
+  bool believed_ = false;  // the previous frame repeated the one before, and was measured
+};
 
 }  // namespace point_line_odometry

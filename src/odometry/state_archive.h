@@ -106,13 +106,15 @@ inline auto stateOf(ImagePyramid& pyramid) {
 }
 
 inline auto stateOf(StereoFrame& frame) {
-  auto& [stamp_ns, time_ns, left_image, right_image, features, points, lines, resting] = frame;
-  return std::tie(stamp_ns, time_ns, left_image, right_image, features, points, lines, resting);
+  auto& [stamp_ns, least_interval_s, left_image, right_image, features, points, lines, resting] =
+      frame;
+  return std::tie(stamp_ns, least_interval_s, left_image, right_image, features, points, lines,
+                  resting);
 }
 
 inline auto stateOf(CameraVelocity& velocity) {
-  auto& [value, covariance, measured_over_s, time_ns, is_current] = velocity;
-  return std::tie(value, covariance, measured_over_s, time_ns, is_current);
+  auto& [value, covariance, measured_over_s, stamp_ns, is_current] = velocity;
+  return std::tie(value, covariance, measured_over_s, stamp_ns, is_current);
 }
 
 inline auto stateOf(MotionPrior& prior) {

@@ -1,6 +1,5 @@
 #include "point_line_odometry/stereo_odometry.h"
 
-#include <cstdint>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -78,7 +77,7 @@ FrameResult StereoOdometry::Impl::process(const StereoImages& images, const Moti
   const auto begin = StageTimer::Clock::now();
   FrameResult result;
   result.stamp_ns = images.stamp_ns;
-  result.reason = refusal(images, input_camera, state.clock.stamp());
+  result.reason = refusal(images, input_camera, state.stamp_ns);
   if (result.accepted()) {
     const FramePrior prior = state.prepare(given, images.stamp_ns);
     try {
@@ -101,10 +100,9 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   FrameContext context{images, scaling.camera(), correction, parameters, state.noise};
   context.masks = masks_now;
 
-  if (state.hasImageOfPrevious(images, prior)) {
+  if (state.repeatsImages(images, prior, parameters.tracking)) {
     TrackedFrame repeated{context, {}, {}};
     repeated.frame.stamp_ns = images.stamp_ns;
-    repeated.frame.time_ns = state.clock.timeOf(images.stamp_ns);
     repeated.tracking.reason = TrackingReason::kRepeatedImages;
     finishWindow(result);
     update(std::move(repeated), prior, result);
@@ -125,10 +123,9 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
 TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,
                                          FrameResult* result) {
   // Detect, match left with right, triangulate.
-  const std::int64_t time_ns = state.clock.timeOf(context.images.stamp_ns);
-  const auto start = state.trackingStart(time_ns, prior, parameters);
+  const auto start = state.trackingStart(context.images.stamp_ns, prior, parameters);
   StereoFrame frame = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
-  frame.time_ns = time_ns;
+  frame.least_interval_s = state.intervals.least();
 
   finishWindow(result);
 
@@ -160,16 +157,16 @@ void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, Fr
 }
 
 void StereoOdometry::Impl::giveUp(const char* error, const FramePrior& prior, FrameResult* result) {
-  if (state.clock.stamp() == result->stamp_ns) {
+  if (state.stamp_ns == result->stamp_ns) {
     restartTracking();
     state.tracking = TrackingState::kDegraded;
-  } else if (state.clock.stamp()) {
+  } else if (state.stamp_ns) {
     state.predict(result->stamp_ns, parameters.tracking, prior);
     TrackingResult none;
     none.reason = TrackingReason::kException;
     result->prior = reportPrior(state, none, prior);
   } else {
-    state.clock.add(result->stamp_ns);
+    state.noteStamp(result->stamp_ns);
   }
   result->points.clear();  // perhaps of a scaled image
   result->lines.clear();
@@ -203,6 +200,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   state.stereo_calibration = OnlineStereoCalibration(scaling.camera());
   state.noise = NoiseScale();
   state.resting = RestingFeatures(scaling.camera());
+  state.repeated = RepeatedImages();
   restartTracking();
 }
 

@@ -19,7 +19,8 @@ constexpr double kRepeatPeriodS = 60.0;  // of a warning that persists
 constexpr double kShownS = 10.0;         // what happened to a single frame or message
 
 constexpr const char* kRepeats =
-    "images of the frame before come again, byte for byte: the camera's driver repeats them";
+    "images are those of the frame before, byte for byte: the camera's driver repeats them (or a "
+    "simulated camera without noise has stopped at once)";
 
 bool isRecent(const std::optional<ros::WallTime>& time) {
   return time && (ros::WallTime::now() - *time).toSec() < kShownS;
@@ -109,6 +110,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   counters_.masks_missing += static_cast<std::uint64_t>(frame.masks.missing);
   if (!masks_) masks_.emplace();
   masks_->add(frame);
+  if (reason_ == TrackingReason::kRepeatedImages) return;  // it took no time
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
   if (process_ms_.size() > kRemembered) process_ms_.pop_front();

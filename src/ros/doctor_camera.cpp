@@ -102,9 +102,19 @@ std::optional<DoctorLine> repeatedImages(const SequenceMeasurement& sequence) {
       Subject::kImages, Level::kWarn,
       std::to_string(left) + " left and " + std::to_string(right) + " right images of " +
           std::to_string(sequence.frames) +
-          " pairs are those of the pair before, byte for byte, while the others are not",
+          " pairs are those of the pair before, byte for byte, while others are not",
       "the driver hands out a buffer twice: lower the frame rate or the resolution to what the "
       "camera and its bus give, and update the driver");
+}
+
+/// What is wrong with the contents of the images, the worst first.
+std::optional<DoctorLine> contentsFault(const DoctorFacts& facts) {
+  const bool identical = facts.pair && facts.pair->identical;
+  if (facts.seam_column && !identical) return wrongCut(*facts.seam_column);
+  if (facts.pair) {
+    if (auto line = pairFault(*facts.pair)) return line;
+  }
+  return facts.sequence ? repeatedImages(*facts.sequence) : std::nullopt;
 }
 
 DoctorLine evaluateImages(const DoctorFacts& facts) {
@@ -127,14 +137,7 @@ DoctorLine evaluateImages(const DoctorFacts& facts) {
                            sizeText(facts.camera->width, facts.camera->height),
                        "calibrate for this resolution, or set binning and roi in camera_info");
   }
-  const bool identical = facts.pair && facts.pair->identical;
-  if (facts.seam_column && !identical) return wrongCut(*facts.seam_column);
-  if (facts.pair) {
-    if (const auto line = pairFault(*facts.pair)) return *line;
-  }
-  if (facts.sequence) {
-    if (const auto line = repeatedImages(*facts.sequence)) return *line;
-  }
+  if (const auto line = contentsFault(facts)) return *line;
   if (!facts.damage.empty()) {
     DoctorLine line = failureLine(Subject::kImages, facts.damage);
     line.level = Level::kWarn;

@@ -104,13 +104,12 @@ DoctorLine failedStamps(const DoctorFacts& facts, const std::string& what, doubl
           above);
 }
 
-/// Stamps of arrival in place of exposure.
-std::optional<DoctorLine> irregularStamps(const SequenceMeasurement& sequence) {
+std::optional<DoctorLine> stampsOfArrival(const SequenceMeasurement& sequence) {
   if (!sequence.hasArrivalStamps()) return std::nullopt;
   return failureLine(Subject::kStamps, Level::kWarn,
-                     std::to_string(sequence.crowded) + " of " + std::to_string(sequence.frames) +
-                         " pairs are stamped less than half of the mean interval after the one "
-                         "before: with the time of their arrival",
+                     std::to_string(sequence.early) + " of " + std::to_string(sequence.frames) +
+                         " pairs are stamped right after the one before, as by a driver that "
+                         "stamps what arrives",
                      "let the driver stamp images with the time of exposure; stop what keeps the "
                      "computer or the camera's bus busy");
 }
@@ -150,7 +149,7 @@ DoctorLine evaluateStamps(const DoctorFacts& facts) {
         "publish camera_info with every image");
   }
   if (facts.sequence) {
-    if (const auto line = irregularStamps(*facts.sequence)) return *line;
+    if (const auto line = stampsOfArrival(*facts.sequence)) return *line;
   }
   return okLine(Subject::kStamps,
                 "left and right " +

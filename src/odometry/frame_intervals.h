@@ -1,0 +1,33 @@
+#pragma once
+
+#include <tuple>
+#include <vector>
+
+namespace point_line_odometry {
+
+/// The intervals between the stamps of the latest frames. Many drivers stamp an image when it
+/// arrives: a busy computer gets one late and the next right after it, or two at nearly the same
+/// time, as if the camera had moved a hundred times too fast. No camera takes an image so soon
+/// after the last one: two frames are half of the usual interval apart at least.
+class FrameIntervals {
+ public:
+  /// \param interval_s between the stamps of a frame and of the one before.
+  void add(double interval_s);
+
+  /// Mean of the latest intervals without the longest one [s]; 0 if there are none.
+  double usual() const;
+
+  /// Least time between two frames [s].
+  double least() const { return 0.5 * usual(); }
+
+  /// All members, for StereoOdometry::saveState().
+  auto state() {
+    auto& [latest] = *this;
+    return std::tie(latest);
+  }
+
+ private:
+  std::vector<double> latest_s_;  // the oldest first
+};
+
+}  // namespace point_line_odometry
