@@ -662,7 +662,7 @@ TEST(SequenceLines, SayWhichImagesAreLateAndByHowMuch) {
 
 TEST(SequenceLines, CountImagesThatComeAgain) {
   SequenceMeasurement sequence;
-  sequence.frames = 30;
+  sequence.pairs = 30;
   EXPECT_EQ(sequenceLine(Subject::kImages, sequence).level, Level::kOk);
   sequence.repeated_right = 5;
   const DoctorLine line = sequenceLine(Subject::kImages, sequence);

@@ -386,6 +386,43 @@ TEST(RepeatedImages, OfACameraWithNoiseAreNeverMeasured) {
   }
 }
 
+/// Its driver goes on after a gap with the old buffer.
+TEST(RepeatedImages, OfACameraWithNoiseAreNotMeasuredAfterAGap) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  StereoImages images;
+  for (int k = 0; k < 30; ++k) {
+    images = noisy(stamped(drive(0), stampOf(k)), 2.0);
+    odometry.process(images);
+  }
+  images.stamp_ns = stampOf(50);
+  const FrameResult result = odometry.process(images);
+  EXPECT_EQ(result.reason, TrackingReason::kRepeatedImages);
+  EXPECT_EQ(result.state, TrackingState::kLost);
+}
+
+/// One camera hangs while the other goes on, without any noise known.
+TEST(RepeatedImages, OfOneCameraAreNotMeasuredHoweverLong) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 30; ++k) {
+    StereoImages images = noisy(drive(k), 2.0);
+    if (k > 6) images.left = noisy(drive(6), 2.0).left;
+    const FrameResult result = odometry.process(images);
+    EXPECT_EQ(result.reason == TrackingReason::kRepeatedImages, k > 6) << k;
+  }
+}
+
+/// Another exposure at rest is no noise: a simulated camera goes on to be believed.
+TEST(RepeatedImages, OfASimulatedCameraAreBelievedAfterAnotherExposure) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 60; ++k) {
+    const double gain = 1.0 - 0.01 * std::clamp(k - 15, 0, 20);
+    StereoImages images = stamped(drive(0), stampOf(k));
+    for (cv::Mat* image : {&images.left, &images.right}) *image = *image * gain;
+    const FrameResult result = odometry.process(images);
+    EXPECT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
+  }
+}
+
 /// Something moves in one view of a simulated camera without noise, or a codec leaves out what does
 /// not change.
 TEST(RepeatedImages, OfOneCameraAtRestAreBelievedIfTheOtherHardlyChanges) {

@@ -22,9 +22,10 @@ TEST(FrameIntervals, KnowNothingOfOne) {
   EXPECT_DOUBLE_EQ(after({0.1, 0.1}).least(), 0.05);
 }
 
-TEST(FrameIntervals, LeaveNoGapOut) {
+TEST(FrameIntervals, LeaveGapsOut) {
   EXPECT_DOUBLE_EQ(after({0.9, 0.1}).least(), 0.05);
   EXPECT_DOUBLE_EQ(after({60.0, 0.1, 0.1}).least(), 0.05);
+  EXPECT_LT(after({0.9, 0.033, 0.033, 0.9, 0.033, 0.033, 0.033, 0.033}).least(), 0.03);
   EXPECT_DOUBLE_EQ(after({0.1, 0.1, 0.1, 0.9, 0.1, 0.1, 3600.0}).least(), 0.05);
 }
 

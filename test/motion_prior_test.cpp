@@ -187,7 +187,7 @@ TEST(MotionPriors, CarryThePoseOfACameraThatHangs) {
   EXPECT_GT(result.T_odom_camera.translation().norm(), 0.5);
 }
 
-TEST(MotionPriors, AreNoReasonNotToBelieveASimulatedCameraAtRest) {
+TEST(MotionPriors, DoNotOverruleASimulatedCameraAtRest) {
   const FrameResult result = driveBeforeImagesAtRest(false);
   EXPECT_EQ(result.state, TrackingState::kOk);
   EXPECT_LT(result.T_odom_estimate.translation().norm(), 0.01);

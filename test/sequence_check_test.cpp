@@ -276,6 +276,7 @@ TEST(SequenceCheck, CountsImagesThatComeAgain) {
       if (right && i % 4 == 3) pair.right = camera.pair(i - 1).right;
       check.add(pair);
     }
+    EXPECT_EQ(check.measurement().pairs, 10);
     EXPECT_EQ(check.measurement().repeated_left, left ? 2 : 0);
     EXPECT_EQ(check.measurement().repeated_right, right ? 2 : 0);
   }

@@ -161,9 +161,11 @@ void SequenceCheck::add(const StereoImages& rectified) {
                       rectified.right.type() == CV_8UC1 &&
                       rectified.right.size() == rectified.left.size();
   if (!usable) {
-    last_left_ = cv::Mat();
+    last_left_ = last_right_ = cv::Mat();
+    same_pairs_ = 0;
     return;
   }
+  ++pairs_;
   if (!countRepeated(rectified)) return;
   Frame frame;
   frame.size = rectified.left.size();
@@ -405,6 +407,7 @@ SequenceMeasurement SequenceCheck::measurement() const {
     }
     countResting(frame, &measurement, &cells);
   }
+  measurement.pairs = pairs_;
   measurement.repeated_left = repeated_left_;
   measurement.repeated_right = repeated_right_;
   measurement.speed_px_s = quantile(std::move(speeds), kFastest);

@@ -37,6 +37,7 @@ struct SequenceMeasurement {
   int resting = 0;        ///< those of them that rest in the image
   int resting_cells = 0;  ///< of 4 x 3 parts of the image, those with several of them
 
+  int pairs = 0;  ///< received; frames without those of which one image is repeated
   /// Images that are those of the pair before, while the other one is not; of both, of at most two
   /// pairs in a row.
   int repeated_left = 0;
@@ -112,6 +113,7 @@ class SequenceCheck {
   std::optional<CameraCalibration> left_;
   cv::Mat last_left_;  // empty: the next frame does not follow
   cv::Mat last_right_;
+  int pairs_ = 0;
   int repeated_left_ = 0;
   int repeated_right_ = 0;
   int same_pairs_ = 0;  // in a row, of the latest ones

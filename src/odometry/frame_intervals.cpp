@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <numeric>
 
 namespace point_line_odometry {
 namespace {
 
 constexpr std::size_t kMost = 8;
 constexpr double kGap_s = 1.0;  // what is longer is no interval of a camera
+constexpr double kMostTimesMedian = 2.0;
 
 }  // namespace
 
@@ -20,9 +20,13 @@ void FrameIntervals::add(double interval_s) {
 
 double FrameIntervals::usual() const {
   if (latest_s_.size() < 2) return 0.0;
-  const double longest_s = *std::max_element(latest_s_.begin(), latest_s_.end());
-  const double sum_s = std::accumulate(latest_s_.begin(), latest_s_.end(), -longest_s);
-  return std::max(sum_s, 0.0) / static_cast<double>(latest_s_.size() - 1);
+  std::vector<double> sorted_s = latest_s_;
+  std::sort(sorted_s.begin(), sorted_s.end());
+  const double most_s = kMostTimesMedian * sorted_s[sorted_s.size() / 2];
+  sorted_s.pop_back();
+  double sum_s = 0.0;
+  for (const double interval_s : sorted_s) sum_s += std::min(interval_s, most_s);
+  return sum_s / static_cast<double>(sorted_s.size());
 }
 
 }  // namespace point_line_odometry

@@ -14,7 +14,8 @@ class FrameIntervals {
   /// \param interval_s between the stamps of a frame and of the one before.
   void add(double interval_s);
 
-  /// Mean of the latest intervals without the longest one [s]; 0 if there are none.
+  /// Mean of the latest eight without the longest one, others of more than twice their median cut
+  /// to that [s]; 0 of fewer than two, and of a camera slower than a frame per second.
   double usual() const;
 
   /// Least time between two frames [s].

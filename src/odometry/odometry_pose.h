@@ -85,8 +85,8 @@ class OdometryPose {
   const std::optional<CameraVelocity>& velocity() const { return integrator_.velocity(); }
   void loseVelocity() { integrator_.loseVelocity(); }
 
-  /// Whether the published pose is held, as the camera is stationary (tracking/standstill_hold).
-  bool isHeld() const { return smoother_.holds(); }
+  /// Whether the camera has not moved for a while.
+  bool isStationary() const { return smoother_.isStationary(); }
 
   /// The same as the next frame may use it to predict pixels: not current either if motions have
   /// been predicted for longer than the velocity alone may predict them.

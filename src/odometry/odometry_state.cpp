@@ -90,7 +90,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   } else if (!measured) {
     resting.addLost(dt_s);
   }
-  if (measured) repeated.learn(*history.previous, curr, pose.isHeld());
+  if (measured) repeated.learn(*history.previous, curr, pose.isStationary());
   if (shouldReplace(history, curr, tracked, parameters)) {
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
@@ -151,8 +151,9 @@ void OdometryState::noteStamp(std::int64_t curr_stamp_ns) {
 
 bool OdometryState::repeatsImages(const StereoImages& images, const FramePrior& prior,
                                   const TrackingParameters& parameters) const {
-  if (!history.previous || toSeconds(images.stamp_ns - *stamp_ns) > parameters.max_frame_gap_s)
-    return false;
+  if (!history.previous) return false;
+  const bool gap = toSeconds(images.stamp_ns - *stamp_ns) > parameters.max_frame_gap_s;
+  if (gap && !repeated.cameraHasNoise()) return false;
   return repeated.areIn(images, *history.previous, intervals, pose.velocity(), prior.ofMotion());
 }
 

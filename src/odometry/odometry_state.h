@@ -74,8 +74,8 @@ struct OdometryState {
   /// From the last accepted frame [s]; 0 for the very first one.
   double sinceLast(const StereoFrame& curr) const;
 
-  /// Whether a pair has an image of the previous frame again, see RepeatedImages. After a gap it is
-  /// tracked, as then the motion is not predicted.
+  /// Whether a pair has an image of the previous frame again, see RepeatedImages. After a gap a
+  /// camera of which no noise is known is looked for in the map.
   bool repeatsImages(const StereoImages& images, const FramePrior& prior,
                      const TrackingParameters& parameters) const;
 

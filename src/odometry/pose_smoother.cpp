@@ -51,7 +51,7 @@ void PoseSmoother::reset(const Eigen::Isometry3d& T_odom_camera) {
 }
 
 void PoseSmoother::followMeasured(const PoseIntegrator& estimate, double dt_s, bool may_hold) {
-  const bool is_stationary = isStationary(estimate, dt_s);
+  const bool is_stationary = updateStationary(estimate, dt_s);
   holds_ = is_stationary && may_hold &&
            (holds_ || isNoise(offset_, 2.0 * motionNoise(estimate), kMaxSigmas));
   follow(estimate, estimate.twist(), dt_s);
@@ -76,6 +76,10 @@ void PoseSmoother::followCorrection(const PoseIntegrator& estimate,
                                     const Eigen::Isometry3d& T_correction) {
   if (stationary_) stationary_->T_odom_camera = T_correction * stationary_->T_odom_camera;
   offset_ = poseDifference(estimate.T_odom_camera(), T_odom_camera_);
+}
+
+bool PoseSmoother::isStationary() const {
+  return stationary_ && stationary_->lasted_s >= kStationaryTime_s;
 }
 
 Matrix6d PoseSmoother::covariance(const PoseIntegrator& estimate) const {
@@ -109,7 +113,7 @@ void PoseSmoother::follow(const PoseIntegrator& estimate, const Vector6d& veloci
 
 /// True if the camera has not moved for long enough. Where its position is hardly known, as after a
 /// loss, poses far from it are within its noise, too: then the velocity shows the motion.
-bool PoseSmoother::isStationary(const PoseIntegrator& estimate, double dt_s) {
+bool PoseSmoother::updateStationary(const PoseIntegrator& estimate, double dt_s) {
   const CameraVelocity& velocity = *estimate.velocity();
   if (!isNoise(velocity.value, velocity.covariance, kMovesSigmas)) {
     stationary_.reset();
@@ -123,7 +127,7 @@ bool PoseSmoother::isStationary(const PoseIntegrator& estimate, double dt_s) {
     stationary_->steps += estimate.stepCovariance();
     if (isNoise(difference, covariance, kMaxSigmas)) {
       stationary_->lasted_s += dt_s;
-      return stationary_->lasted_s >= kStationaryTime_s;
+      return isStationary();
     }
   }
   stationary_ = Stationary{estimate.T_odom_camera(), noise, estimate.stepCovariance(), 0.0};

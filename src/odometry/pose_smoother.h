@@ -39,6 +39,9 @@ class PoseSmoother {
   /// True while the pose is kept for a stationary camera.
   bool holds() const { return holds_; }
 
+  /// Whether the camera has not moved for a while, held or not.
+  bool isStationary() const;
+
   /// Of the pose, along and about the axes of odom: that of the estimate, and the outer product of
   /// the offset from it.
   Matrix6d covariance(const PoseIntegrator& estimate) const;
@@ -66,7 +69,7 @@ class PoseSmoother {
   };
 
   void follow(const PoseIntegrator& estimate, const Vector6d& velocity, double dt_s);
-  bool isStationary(const PoseIntegrator& estimate, double dt_s);
+  bool updateStationary(const PoseIntegrator& estimate, double dt_s);
   bool moves(const PoseIntegrator& estimate) const;
 
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();

@@ -30,6 +30,15 @@ bool mostlyDiffer(const cv::Mat& a, const cv::Mat& b) {
          cv::countNonZero(a != b) > kMostPixels * static_cast<double>(a.total());
 }
 
+/// Other light or exposure changes most pixels to the same side.
+bool differByNoise(const cv::Mat& a, const cv::Mat& b) {
+  constexpr double kMostToOneSide = 0.65;
+  if (!mostlyDiffer(a, b)) return false;
+  const double brighter = cv::countNonZero(a > b);
+  const double darker = cv::countNonZero(a < b);
+  return std::max(brighter, darker) <= kMostToOneSide * (brighter + darker);
+}
+
 bool mayHaveStopped(double dt_s, const CameraVelocity& velocity) {
   const auto may = [&](double braking, int first) {
     const double sigma = std::sqrt(velocity.covariance.diagonal().segment<3>(first).sum());
@@ -46,7 +55,7 @@ bool agreesWithStandstill(const MotionPrior& prior, double dt_s) {
 
 }  // namespace
 
-bool RepeatedImages::hasNoise() const { return noisy_frames_ >= kNoisyFrames; }
+bool RepeatedImages::cameraHasNoise() const { return noisy_frames_ >= kNoisyFrames; }
 
 bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previous,
                            const FrameIntervals& intervals,
@@ -56,29 +65,29 @@ bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previo
   const bool left = isSameImage(images.left, previous_left);
   const bool right = isSameImage(images.right, previous.right_image);
   if (!left && !right) return false;
-  if (hasNoise()) return true;
+  if (cameraHasNoise()) return true;
   const double dt_s = std::max(toSeconds(images.stamp_ns - previous.stamp_ns), intervals.least());
   const bool known = velocity && velocity->is_current && velocity->stamp_ns == previous.stamp_ns;
   const bool other_differs =
       left != right && (left ? mostlyDiffer(images.right, previous.right_image)
                              : mostlyDiffer(images.left, previous_left));
-  if (other_differs) return !known || !mayHaveStopped(dt_s, *velocity);
   const double most_s = kMostIntervals * intervals.usual();
+  const bool moves_by_prior = prior != nullptr && !agreesWithStandstill(*prior, dt_s);
+  if (other_differs)
+    return moves_by_prior || !known || !mayHaveStopped(std::min(dt_s, most_s), *velocity);
   if (believed_ || dt_s > most_s) return false;
-  if (prior != nullptr) {
-    if (!agreesWithStandstill(*prior, dt_s)) return true;
-    if (knowsTranslation(*prior)) return false;
-  }
+  if (moves_by_prior) return true;
   return known && velocity->measured_over_s <= most_s && !mayHaveStopped(dt_s, *velocity);
 }
 
 void RepeatedImages::learn(const StereoFrame& previous, const StereoFrame& curr, bool stationary) {
   const cv::Mat& previous_left = previous.left_image.levels.front();
   const cv::Mat& left = curr.left_image.levels.front();
+  const bool again = believed_;
   believed_ =
       isSameImage(left, previous_left) && isSameImage(curr.right_image, previous.right_image);
-  if (!stationary || hasNoise()) return;
-  noisy_frames_ = mostlyDiffer(left, previous_left) ? noisy_frames_ + 1 : 0;
+  if (cameraHasNoise() || (believed_ && !again)) return;
+  noisy_frames_ = stationary && differByNoise(left, previous_left) ? noisy_frames_ + 1 : 0;
 }
 
 }  // namespace point_line_odometry

@@ -13,9 +13,10 @@ namespace point_line_odometry {
 
 /// Recognises pairs that have an image of the previous frame again, byte for byte, as from a driver
 /// that hangs or hands out a buffer twice: they show no motion, or a wrong one. The noise of a
-/// camera that is stationary changes nearly all pixels from frame to frame; once it has been seen,
-/// each repetition is the driver's. Until then one of a camera without noise, as a simulated one,
-/// or behind a video codec, is possible, and both images may be those of a stationary camera.
+/// camera that is stationary changes most pixels from frame to frame, up and down alike; once it
+/// has been seen, each repetition is the driver's. Until then one of a camera without noise, as a
+/// simulated one, or behind a video codec, is possible, and both images may be those of a
+/// stationary camera.
 class RepeatedImages {
  public:
   /// \param images as they are processed. \param intervals of the frames before. \param velocity
@@ -29,6 +30,8 @@ class RepeatedImages {
   /// \param stationary whether the camera is.
   void learn(const StereoFrame& previous, const StereoFrame& curr, bool stationary);
 
+  bool cameraHasNoise() const;
+
   /// All members, for StereoOdometry::saveState().
   auto state() {
     auto& [noisy_frames, believed] = *this;
@@ -36,9 +39,7 @@ class RepeatedImages {
   }
 
  private:
-  bool hasNoise() const;
-
-  int noisy_frames_ = 0;   // in a row, while stationary
+  int noisy_frames_ = 0;   // in a row, while stationary; repeated ones between them do not count
   bool believed_ = false;  // the previous frame repeated the one before, and was measured
 };
 

@@ -103,6 +103,7 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   if (state.repeatsImages(images, prior, parameters.tracking)) {
     TrackedFrame repeated{context, {}, {}};
     repeated.frame.stamp_ns = images.stamp_ns;
+    repeated.frame.least_interval_s = state.intervals.least();
     repeated.tracking.reason = TrackingReason::kRepeatedImages;
     finishWindow(result);
     update(std::move(repeated), prior, result);
@@ -201,6 +202,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   state.noise = NoiseScale();
   state.resting = RestingFeatures(scaling.camera());
   state.repeated = RepeatedImages();
+  state.intervals = FrameIntervals();
   restartTracking();
 }
 

@@ -101,7 +101,7 @@ std::optional<DoctorLine> repeatedImages(const SequenceMeasurement& sequence) {
   return failureLine(
       Subject::kImages, Level::kWarn,
       std::to_string(left) + " left and " + std::to_string(right) + " right images of " +
-          std::to_string(sequence.frames) +
+          std::to_string(sequence.pairs) +
           " pairs are those of the pair before, byte for byte, while others are not",
       "the driver hands out a buffer twice: lower the frame rate or the resolution to what the "
       "camera and its bus give, and update the driver");
