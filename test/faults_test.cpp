@@ -417,7 +417,11 @@ TEST(RepeatedImages, OfASimulatedCameraAreBelievedAfterAnotherExposure) {
   for (int k = 0; k < 60; ++k) {
     const double gain = 1.0 - 0.01 * std::clamp(k - 15, 0, 20);
     StereoImages images = stamped(drive(0), stampOf(k));
-    for (cv::Mat* image : {&images.left, &images.right}) *image = *image * gain;
+    for (cv::Mat* image : {&images.left, &images.right}) {
+      cv::Mat dimmed;  // the images of drive() are shared
+      image->convertTo(dimmed, -1, gain);
+      *image = dimmed;
+    }
     const FrameResult result = odometry.process(images);
     EXPECT_EQ(result.state, k == 0 ? TrackingState::kInitializing : TrackingState::kOk) << k;
   }
