@@ -674,9 +674,9 @@ TEST(SequenceLines, CountImagesThatComeAgain) {
 TEST(SequenceLines, TellStampsOfTheArrival) {
   SequenceMeasurement sequence;
   sequence.frames = 60;
-  sequence.early = 2;
+  sequence.bursts = 2;
   EXPECT_EQ(sequenceLine(Subject::kStamps, sequence).level, Level::kOk);
-  sequence.early = 8;
+  sequence.bursts = 8;
   const DoctorLine line = sequenceLine(Subject::kStamps, sequence);
   EXPECT_EQ(line.level, Level::kWarn);
   EXPECT_TRUE(contains(line.text, "8 of 60 pairs")) << line.text;
@@ -720,13 +720,13 @@ TEST(SequenceLines, WarnOfAPatternAllOverTheImage) {
   sequence.frames = 30;
   EXPECT_NE(sequenceLine(Subject::kProjector, sequence).text.find("not checked"),
             std::string::npos);
-  sequence.compared = 1000;
-  sequence.resting = 5;
-  sequence.resting_cells = 1;
+  sequence.pattern.compared = 1000;
+  sequence.pattern.resting = 5;
+  sequence.pattern.cells = 1;
   EXPECT_EQ(sequenceLine(Subject::kProjector, sequence).level, Level::kOk);
-  sequence.resting = 100;
+  sequence.pattern.resting = 100;
   EXPECT_EQ(sequenceLine(Subject::kProjector, sequence).level, Level::kOk) << "dirt on the lens";
-  sequence.resting_cells = 10;
+  sequence.pattern.cells = 10;
   const DoctorLine line = sequenceLine(Subject::kProjector, sequence);
   EXPECT_EQ(line.level, Level::kWarn);
   EXPECT_NE(line.text.find("100 of 1000 points"), std::string::npos) << line.text;

@@ -1,7 +1,7 @@
 /// Vertical and horizontal disparities of a pair, measured without its calibration: rendered pairs,
 /// correct and with each fault.
 
-#include "matching/pair_check.h"
+#include "checks/pair_check.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "matching/wide_matches.h"
+#include "checks/wide_matches.h"
 #include "point_line_odometry/rectification.h"
 #include "world/synthetic_world.h"
 

@@ -1,7 +1,7 @@
 /// Halves of a side-by-side image that were cut at the wrong column, and what must not be taken for
 /// such: the built-in scenes, real cameras, padding and edges.
 
-#include "matching/seam_check.h"
+#include "checks/seam_check.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 /// What consecutive pairs tell of their cameras: the built-in world with a right camera that is
 /// late, with a rolling shutter, and with a projector's pattern that rests in the image.
 
-#include "matching/sequence_check.h"
+#include "checks/sequence_check.h"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "matching/rolling_shutter.h"
+#include "checks/rolling_shutter.h"
 #include "point_line_odometry/rectification.h"
 #include "world/synthetic_world.h"
 
@@ -60,8 +60,8 @@ SequenceMeasurement measure(const std::string& scene, double delay_ms) {
   for (int i = 0; i < kFrames; ++i) check.add(camera.pair(i));
   const SequenceMeasurement measurement = check.measurement();
   std::cout << scene << ", " << delay_ms << " ms late: " << 1e3 * measurement.delay_s.value_or(NAN)
-            << " +- " << 1e3 * measurement.delay_sigma_s << " ms; " << measurement.resting << " of "
-            << measurement.compared << " rest\n";
+            << " +- " << 1e3 * measurement.delay_sigma_s << " ms; " << measurement.pattern.resting
+            << " of " << measurement.pattern.compared << " rest\n";
   return measurement;
 }
 
@@ -70,8 +70,8 @@ void expectDelay(const std::string& scene, double delay_ms, double tolerance_ms)
   ASSERT_TRUE(measurement.delay_s);
   EXPECT_NEAR(1e3 * *measurement.delay_s, delay_ms, tolerance_ms);
   EXPECT_EQ(measurement.notSimultaneous(), delay_ms != 0.0);
-  EXPECT_FALSE(measurement.hasRestingPattern());
-  EXPECT_GT(measurement.compared, 100);
+  EXPECT_FALSE(measurement.pattern.isThere());
+  EXPECT_GT(measurement.pattern.compared, 100);
 }
 
 TEST(SequenceCheck, MeasuresTheDelayOfAFlight) {
@@ -142,7 +142,7 @@ void expectReadOut(const SequenceMeasurement& measurement, double read_out_ms, d
   EXPECT_LT(1e3 * measurement.read_out_sigma_s, sigma_ms);
   EXPECT_EQ(measurement.hasRollingShutter(), read_out_ms != 0.0);
   EXPECT_FALSE(measurement.notSimultaneous());
-  EXPECT_FALSE(measurement.hasRestingPattern());
+  EXPECT_FALSE(measurement.pattern.isThere());
 }
 
 TEST(SequenceCheck, MeasuresTheReadOutOfARollingShutter) {
@@ -189,8 +189,8 @@ TEST(SequenceCheck, SaysNothingOfACameraThatStands) {
   for (int i = 0; i < 10; ++i) check.add(world.render(i));
   const SequenceMeasurement measurement = check.measurement();
   EXPECT_FALSE(measurement.notSimultaneous());
-  EXPECT_FALSE(measurement.hasRestingPattern());
-  EXPECT_EQ(measurement.compared, 0);
+  EXPECT_FALSE(measurement.pattern.isThere());
+  EXPECT_EQ(measurement.pattern.compared, 0);
 }
 
 /// A dot is at a fixed pixel of the left image, next to the projector, and in the right one where
@@ -255,9 +255,10 @@ TEST(SequenceCheck, FindsThePatternOfAProjector) {
     SequenceCheck check;
     for (int i = 0; i < kFrames; ++i) check.add(projector.light(camera.pair(i)));
     const SequenceMeasurement measurement = check.measurement();
-    std::cout << scene << ": " << measurement.resting << " of " << measurement.compared
-              << " rest, in " << measurement.resting_cells << " parts\n";
-    EXPECT_TRUE(measurement.hasRestingPattern()) << scene;
+    std::cout << scene << ": " << measurement.pattern.resting << " of "
+              << measurement.pattern.compared << " rest, in " << measurement.pattern.cells
+              << " parts\n";
+    EXPECT_TRUE(measurement.pattern.isThere()) << scene;
   }
 }
 
@@ -292,7 +293,7 @@ TEST(SequenceCheck, CountsFramesThatAreStampedWhenTheyArrive) {
       check.add(pair);
     }
     const SequenceMeasurement measurement = check.measurement();
-    EXPECT_EQ(measurement.early, late ? 3 : 0);
+    EXPECT_EQ(measurement.bursts, late ? 3 : 0);
     EXPECT_EQ(measurement.hasArrivalStamps(), late);
   }
 }
@@ -305,7 +306,7 @@ TEST(SequenceCheck, TakesDroppedFramesAndAPauseForNoArrival) {
     if (i > 10) pair.stamp_ns += 10000000000;
     check.add(pair);
   }
-  EXPECT_EQ(check.measurement().early, 0);
+  EXPECT_EQ(check.measurement().bursts, 0);
 }
 
 /// Without noise it repeats itself.
@@ -339,7 +340,7 @@ TEST(SequenceCheck, IsInterruptedByImagesItCannotUse) {
   const SequenceMeasurement measurement = check.measurement();
   EXPECT_EQ(measurement.frames, 3);
   EXPECT_FALSE(measurement.delay_s);
-  EXPECT_EQ(measurement.compared, 0);
+  EXPECT_EQ(measurement.pattern.compared, 0);
   EXPECT_EQ(measurement.speed_px_s, 0.0);
 }
 

@@ -10,9 +10,9 @@ import unittest
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 PACKAGE = "point_line_odometry"
 
-# The folders of src/, each of which may include those before it. Up to odometry: the core library.
+# The folders of src/, each of which may include those before it. Up to checks: the core library.
 LAYERS = ["common", "geometry", "features", "matching", "motion", "map", "odometry", "priors",
-          "dataset", "world", "ros", "tools", "benchmark"]
+          "checks", "dataset", "world", "ros", "tools", "benchmark"]
 
 # A public header belongs to the folder of its source. These have no source.
 WITHOUT_SOURCE = {"prior_trust": "common", "tilt_correction": "common", "types": "common",

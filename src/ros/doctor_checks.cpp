@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "checks/seam_check.h"
 #include "common/input_error.h"
 #include "common/statistics.h"
-#include "matching/seam_check.h"
 #include "ros/calibration_conversion.h"
 #include "ros/conversions.h"
 #include "ros/doctor_facts.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "dataset/mask_file.h"
-#include "matching/pair_check.h"
+#include "checks/pair_check.h"
 #include "point_line_odometry/rectification.h"
 #include "ros/calibration_conversion.h"
 #include "ros/confirmation.h"

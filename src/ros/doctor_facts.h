@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "matching/pair_check.h"
-#include "matching/sequence_check.h"
+#include "checks/pair_check.h"
+#include "checks/sequence_check.h"
 #include "point_line_odometry/stereo_camera.h"
 #include "ros/doctor_imu.h"
 #include "ros/frame_messages.h"

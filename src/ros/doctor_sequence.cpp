@@ -86,16 +86,16 @@ DoctorLine evaluateProjector(const SequenceMeasurement& sequence) {
   if (sequence.frames < kFewestFrames) {
     return unknownLine(Subject::kProjector, "not measured: too few consecutive pairs");
   }
-  if (sequence.hasRestingPattern()) {
+  if (sequence.pattern.isThere()) {
     return failureLine(Subject::kProjector, DoctorLevel::kWarn,
-                       std::to_string(sequence.resting) + " of " +
-                           std::to_string(sequence.compared) +
+                       std::to_string(sequence.pattern.resting) + " of " +
+                           std::to_string(sequence.pattern.compared) +
                            " points rest in the image while others as far away move: the pattern "
                            "of a projector",
                        "switch the infrared projector off (emitter_enabled 0), or use the images "
                        "that the camera takes without it");
   }
-  if (sequence.compared < kFewestCompared) {
+  if (sequence.pattern.compared < kFewestCompared) {
     return okLine(Subject::kProjector, "not checked: the camera hardly moves");
   }
   return okLine(Subject::kProjector, "no pattern rests in the image");
@@ -103,8 +103,8 @@ DoctorLine evaluateProjector(const SequenceMeasurement& sequence) {
 
 DoctorLine checkProjector(const SequenceMeasurement& sequence) {
   DoctorLine line = evaluateProjector(sequence);
-  line.values = {{"points at rest", std::to_string(sequence.resting)},
-                 {"points compared", std::to_string(sequence.compared)}};
+  line.values = {{"points at rest", std::to_string(sequence.pattern.resting)},
+                 {"points compared", std::to_string(sequence.pattern.compared)}};
   return line;
 }
 

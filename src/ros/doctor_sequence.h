@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "matching/sequence_check.h"
+#include "checks/sequence_check.h"
 #include "ros/doctor_report.h"
 
 namespace point_line_odometry {

@@ -107,7 +107,7 @@ DoctorLine failedStamps(const DoctorFacts& facts, const std::string& what, doubl
 std::optional<DoctorLine> stampsOfArrival(const SequenceMeasurement& sequence) {
   if (!sequence.hasArrivalStamps()) return std::nullopt;
   return failureLine(Subject::kStamps, Level::kWarn,
-                     std::to_string(sequence.early) + " of " + std::to_string(sequence.frames) +
+                     std::to_string(sequence.bursts) + " of " + std::to_string(sequence.frames) +
                          " pairs are stamped right after the one before, as by a driver that "
                          "stamps what arrives",
                      "let the driver stamp images with the time of exposure; stop what keeps the "

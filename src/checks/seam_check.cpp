@@ -1,4 +1,4 @@
-#include "matching/seam_check.h"
+#include "checks/seam_check.h"
 
 #include <algorithm>
 #include <cstdint>

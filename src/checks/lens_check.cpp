@@ -1,4 +1,4 @@
-#include "matching/lens_check.h"
+#include "checks/lens_check.h"
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>

@@ -1,4 +1,4 @@
-#include "matching/rolling_shutter.h"
+#include "checks/rolling_shutter.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -9,8 +9,8 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "checks/rigid_flow.h"
 #include "geometry/raw_camera.h"
-#include "matching/rigid_flow.h"
 
 namespace point_line_odometry {
 namespace {

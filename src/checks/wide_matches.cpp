@@ -1,4 +1,4 @@
-#include "matching/wide_matches.h"
+#include "checks/wide_matches.h"
 
 #include <algorithm>
 #include <cmath>

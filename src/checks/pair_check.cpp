@@ -1,4 +1,4 @@
-#include "matching/pair_check.h"
+#include "checks/pair_check.h"
 
 #include <Eigen/Core>
 #include <Eigen/QR>
@@ -7,12 +7,12 @@
 #include <cmath>
 #include <vector>
 
+#include "checks/lens_check.h"
+#include "checks/wide_matches.h"
 #include "common/same_image.h"
 #include "common/statistics.h"
 #include "features/features.h"
-#include "matching/lens_check.h"
 #include "matching/patch_aligner.h"
-#include "matching/wide_matches.h"
 
 namespace point_line_odometry {
 namespace {

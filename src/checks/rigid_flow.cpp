@@ -1,4 +1,4 @@
-#include "matching/rigid_flow.h"
+#include "checks/rigid_flow.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>

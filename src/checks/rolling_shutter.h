@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "matching/followed_frame.h"
+#include "checks/followed_frame.h"
 #include "point_line_odometry/rectification.h"
 
 namespace point_line_odometry {
