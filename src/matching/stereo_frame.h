@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -42,7 +41,6 @@ struct StereoLine {
 /// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
-  double least_interval_s = 0.0;  ///< since any frame before, see FrameIntervals
   ImagePyramid left_image;        ///< a copy: the next frames align its patches
   cv::Mat right_image;            ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
@@ -51,10 +49,5 @@ struct StereoFrame {
   /// Points that are not tracked, as features rest there while the scene moves.
   std::vector<StereoPoint> resting_points;
 };
-
-/// Time from a frame to a later one [s].
-inline double secondsBetween(const StereoFrame& earlier, const StereoFrame& later) {
-  return std::max(toSeconds(later.stamp_ns - earlier.stamp_ns), later.least_interval_s);
-}
 
 }  // namespace point_line_odometry

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cstdint>
+
 #include "features/feature_mask.h"
 #include "features/image_pyramid.h"
+#include "motion/frame_intervals.h"
 #include "motion/noise_scale.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -10,17 +13,23 @@
 
 namespace point_line_odometry {
 
-/// What turns features of the current frame into observations; holds references.
+/// What turns features of the current frame into observations and motions; holds references.
 struct FrameContext {
   const StereoImages& images;  ///< painted by the masks
   const StereoCamera& camera;
   const StereoCorrection& correction;  ///< of pixels in the right image
   const Parameters& parameters;
   NoiseScale noise = {};
+  FrameIntervals intervals = {};  ///< of the frames before
   /// The images, with their coarser levels where points of those are in use.
   ImagePyramid left = ImagePyramid(images.left);
   ImagePyramid right = ImagePyramid(images.right);
   StereoMasks masks = {};  ///< with the same levels
+
+  /// Time since an earlier frame, see FrameIntervals [s].
+  double secondsSince(std::int64_t earlier_ns) const {
+    return intervals.between(earlier_ns, images.stamp_ns);
+  }
 };
 
 }  // namespace point_line_odometry

@@ -43,15 +43,17 @@ void OdometryPose::continueAt(const Eigen::Isometry3d& T_odom_camera) {
 }
 
 TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHistory& history,
-                                   const StereoFrame& curr, double dt_s,
-                                   const TrackingParameters& parameters, const MotionPrior* prior) {
+                                   const FrameContext& context, double dt_s,
+                                   const MotionPrior* prior) {
+  const TrackingParameters& parameters = context.parameters.tracking;
   if (tracked.reason == TrackingReason::kFirstFrame && dt_s == 0.0) {
     smoother_.followUnknown(integrator_, Vector6d::Zero(), dt_s);
     return TrackingState::kInitializing;
   }
   if (tracked.reason != TrackingReason::kNone) return predict(dt_s, parameters, prior);
-  const double since_previous_s = secondsBetween(*history.previous, curr);
-  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, curr.stamp_ns);
+  const double since_previous_s = context.secondsSince(history.previous->stamp_ns);
+  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s,
+                             context.images.stamp_ns);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   if (gap || since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
     integrator_.widenVelocity();

@@ -54,8 +54,7 @@ class OdometryPose {
   /// Updates the pose by the tracking result of a frame, `dt_s` after the frame before (0: it is
   /// the very first); without a motion as predict() does. Returns how far the pose can be trusted.
   TrackingState update(const TrackingResult& tracked, const FrameHistory& history,
-                       const StereoFrame& curr, double dt_s, const TrackingParameters& parameters,
-                       const MotionPrior* prior);
+                       const FrameContext& context, double dt_s, const MotionPrior* prior);
 
   /// Predicts the pose from the last velocity and a prior of the motion since the last frame (null:
   /// none), as long as a prediction may last.

@@ -1,6 +1,5 @@
 #include "odometry/odometry_state.h"
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -25,13 +24,14 @@ bool fusesRotation(const Parameters& parameters) {
 /// Whether a frame replaces the previous one. One without a motion does not at first: the next
 /// frame may again be matched with the previous one.
 bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
-                   const TrackingResult& tracked, const Parameters& parameters) {
+                   const TrackingResult& tracked, const FrameContext& context) {
   if (!history.previous || tracked.reason == TrackingReason::kNone ||
       tracked.reason == TrackingReason::kFrameGap) {
     return true;
   }
-  const bool outlived =
-      secondsBetween(*history.previous, curr) > parameters.tracking.max_prediction_s;
+  const Parameters& parameters = context.parameters;
+  const bool outlived = context.secondsSince(history.previous->stamp_ns) >
+                        parameters.tracking.max_prediction_s;
   const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
   return outlived && features >= parameters.motion.min_matches;
 }
@@ -71,8 +71,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   const bool measured = tracked.reason == TrackingReason::kNone;
   if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
-  const double dt_s = sinceLast(curr);
-  tracking = pose.update(tracked, history, curr, dt_s, parameters.tracking, prior.ofStep());
+  const double dt_s = sinceLast(context);
+  tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0, agreed);
   noteStamp(curr.stamp_ns);
@@ -91,7 +91,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     resting.addLost(dt_s);
   }
   if (measured) repeated.learn(*history.previous, curr, pose.isStationary());
-  if (shouldReplace(history, curr, tracked, parameters)) {
+  if (shouldReplace(history, curr, tracked, context)) {
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
   }
@@ -129,19 +129,17 @@ FramePrior OdometryState::prepare(const MotionPrior* prior, std::int64_t curr_st
   return priors.prepare(prior, stamp_ns, previous_ns, curr_stamp_ns);
 }
 
-std::optional<TrackingStart> OdometryState::trackingStart(std::int64_t curr_stamp_ns,
-                                                          const FramePrior& prior,
-                                                          const Parameters& parameters) const {
+std::optional<TrackingStart> OdometryState::trackingStart(const FrameContext& context,
+                                                          const FramePrior& prior) const {
   if (!history.previous) return std::nullopt;
-  const double dt_s =
-      std::max(toSeconds(curr_stamp_ns - history.previous->stamp_ns), intervals.least());
+  const auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
   return TrackingStart{*history.previous,
-                       predictMotion(pose.velocityFor(curr_stamp_ns, parameters.tracking), dt_s,
-                                     parameters, prior.ofMotion())};
+                       predictMotion(velocity, context.secondsSince(history.previous->stamp_ns),
+                                     context.parameters, prior.ofMotion())};
 }
 
-double OdometryState::sinceLast(const StereoFrame& curr) const {
-  return stamp_ns ? std::max(toSeconds(curr.stamp_ns - *stamp_ns), curr.least_interval_s) : 0.0;
+double OdometryState::sinceLast(const FrameContext& context) const {
+  return stamp_ns ? context.secondsSince(*stamp_ns) : 0.0;
 }
 
 void OdometryState::noteStamp(std::int64_t curr_stamp_ns) {
@@ -149,12 +147,12 @@ void OdometryState::noteStamp(std::int64_t curr_stamp_ns) {
   stamp_ns = curr_stamp_ns;
 }
 
-bool OdometryState::repeatsImages(const StereoImages& images, const FramePrior& prior,
-                                  const TrackingParameters& parameters) const {
+bool OdometryState::repeatsImages(const FrameContext& context, const FramePrior& prior) const {
   if (!history.previous) return false;
-  const bool gap = toSeconds(images.stamp_ns - *stamp_ns) > parameters.max_frame_gap_s;
+  const bool gap = sinceLast(context) > context.parameters.tracking.max_frame_gap_s;
   if (gap && !repeated.cameraHasNoise()) return false;
-  return repeated.areIn(images, *history.previous, intervals, pose.velocity(), prior.ofMotion());
+  return repeated.areIn(context.images, *history.previous, context.intervals, pose.velocity(),
+                        prior.ofMotion());
 }
 
 /// Of two lost maps the one with more keyframes is kept.
@@ -166,7 +164,7 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
-  tracking = pose.predict(toSeconds(curr_stamp_ns - *stamp_ns), parameters, prior.ofStep());
+  tracking = pose.predict(intervals.between(*stamp_ns, curr_stamp_ns), parameters, prior.ofStep());
   noteStamp(curr_stamp_ns);
 }
 

@@ -8,7 +8,7 @@
 #include "motion/noise_scale.h"
 #include "motion/online_stereo_calibration.h"
 #include "odometry/coarser_points.h"
-#include "odometry/frame_intervals.h"
+#include "motion/frame_intervals.h"
 #include "odometry/frame_tracker.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
@@ -68,16 +68,14 @@ struct OdometryState {
   FramePrior prepare(const MotionPrior* prior, std::int64_t stamp_ns) const;
 
   /// From where the points of a new frame are tracked; nothing without a previous frame.
-  std::optional<TrackingStart> trackingStart(std::int64_t curr_stamp_ns, const FramePrior& prior,
-                                             const Parameters& parameters) const;
+  std::optional<TrackingStart> trackingStart(const FrameContext& context, const FramePrior& prior) const;
 
   /// From the last accepted frame [s]; 0 for the very first one.
-  double sinceLast(const StereoFrame& curr) const;
+  double sinceLast(const FrameContext& context) const;
 
   /// Whether a pair has an image of the previous frame again, see RepeatedImages. After a gap a
   /// camera of which no noise is known is looked for in the map.
-  bool repeatsImages(const StereoImages& images, const FramePrior& prior,
-                     const TrackingParameters& parameters) const;
+  bool repeatsImages(const FrameContext& context, const FramePrior& prior) const;
 
   /// A frame with this stamp is accepted.
   void noteStamp(std::int64_t curr_stamp_ns);

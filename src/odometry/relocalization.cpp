@@ -22,7 +22,7 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
   const TrackingParameters& parameters = context.parameters.tracking;
   const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
   const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
-  const double dt_s = state.sinceLast(curr);
+  const double dt_s = state.sinceLast(context);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
   const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
@@ -46,7 +46,7 @@ std::optional<TrackingResult> relocalizeInLostMap(const OdometryState& state,
   if (!tracked.relocalized) return std::nullopt;
   const Eigen::Isometry3d T_odom_camera =
       lost.anchor.T_odom_previous * tracked.motion.T_curr_prev.inverse();
-  const double dt_s = state.sinceLast(curr);
+  const double dt_s = state.sinceLast(context);
   if (!state.pose.isReachable(T_odom_camera, dt_s, context.parameters.tracking))
     return std::nullopt;
   tracked.in_lost_map = true;

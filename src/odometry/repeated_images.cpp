@@ -66,7 +66,7 @@ bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previo
   const bool right = isSameImage(images.right, previous.right_image);
   if (!left && !right) return false;
   if (cameraHasNoise()) return true;
-  const double dt_s = std::max(toSeconds(images.stamp_ns - previous.stamp_ns), intervals.least());
+  const double dt_s = intervals.between(previous.stamp_ns, images.stamp_ns);
   const bool known = velocity && velocity->is_current && velocity->stamp_ns == previous.stamp_ns;
   const bool other_differs =
       left != right && (left ? mostlyDiffer(images.right, previous.right_image)

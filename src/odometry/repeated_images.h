@@ -4,7 +4,7 @@
 #include <tuple>
 
 #include "matching/stereo_frame.h"
-#include "odometry/frame_intervals.h"
+#include "motion/frame_intervals.h"
 #include "odometry/pose_integrator.h"
 #include "point_line_odometry/motion_prior.h"
 #include "point_line_odometry/types.h"

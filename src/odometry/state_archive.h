@@ -106,9 +106,9 @@ inline auto stateOf(ImagePyramid& pyramid) {
 }
 
 inline auto stateOf(StereoFrame& frame) {
-  auto& [stamp_ns, least_interval_s, left_image, right_image, features, points, lines, resting] =
+  auto& [stamp_ns, left_image, right_image, features, points, lines, resting] =
       frame;
-  return std::tie(stamp_ns, least_interval_s, left_image, right_image, features, points, lines,
+  return std::tie(stamp_ns, left_image, right_image, features, points, lines,
                   resting);
 }
 

@@ -97,13 +97,13 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   const StereoMasks& masks_now = masks.of(received);
   const StereoImages images = masks_now.paint(received);
   const StereoCorrection correction = state.stereo_calibration.correction();
-  FrameContext context{images, scaling.camera(), correction, parameters, state.noise};
+  FrameContext context{images, scaling.camera(), correction, parameters, state.noise,
+                       state.intervals};
   context.masks = masks_now;
 
-  if (state.repeatsImages(images, prior, parameters.tracking)) {
+  if (state.repeatsImages(context, prior)) {
     TrackedFrame repeated{context, {}, {}};
     repeated.frame.stamp_ns = images.stamp_ns;
-    repeated.frame.least_interval_s = state.intervals.least();
     repeated.tracking.reason = TrackingReason::kRepeatedImages;
     finishWindow(result);
     update(std::move(repeated), prior, result);
@@ -124,9 +124,8 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
 TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,
                                          FrameResult* result) {
   // Detect, match left with right, triangulate.
-  const auto start = state.trackingStart(context.images.stamp_ns, prior, parameters);
+  const auto start = state.trackingStart(context, prior);
   StereoFrame frame = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
-  frame.least_interval_s = state.intervals.least();
 
   finishWindow(result);
 

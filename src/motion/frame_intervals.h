@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <tuple>
 #include <vector>
 
@@ -18,8 +19,8 @@ class FrameIntervals {
   /// to that [s]; 0 of fewer than two, and of a camera slower than a frame per second.
   double usual() const;
 
-  /// Least time between two frames [s].
-  double least() const { return 0.5 * usual(); }
+  /// Time from a frame to a later one by their stamps, at least half of the usual interval [s].
+  double between(std::int64_t earlier_ns, std::int64_t later_ns) const;
 
   /// All members, for StereoOdometry::saveState().
   auto state() {

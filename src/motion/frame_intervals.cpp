@@ -1,7 +1,9 @@
-#include "odometry/frame_intervals.h"
+#include "motion/frame_intervals.h"
 
 #include <algorithm>
 #include <cstddef>
+
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 namespace {
@@ -27,6 +29,10 @@ double FrameIntervals::usual() const {
   double sum_s = 0.0;
   for (const double interval_s : sorted_s) sum_s += std::min(interval_s, most_s);
   return sum_s / static_cast<double>(sorted_s.size());
+}
+
+double FrameIntervals::between(std::int64_t earlier_ns, std::int64_t later_ns) const {
+  return std::max(toSeconds(later_ns - earlier_ns), 0.5 * usual());
 }
 
 }  // namespace point_line_odometry
