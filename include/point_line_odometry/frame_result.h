@@ -167,6 +167,9 @@ struct FrameResult {
   bool accepted() const {
     return reason != TrackingReason::kStampNotNewer && reason != TrackingReason::kWrongImages;
   }
+
+  /// Whether features were looked for in the images: not in repeated ones.
+  bool processed() const { return accepted() && reason != TrackingReason::kRepeatedImages; }
 };
 
 }  // namespace point_line_odometry

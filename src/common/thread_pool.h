@@ -72,6 +72,11 @@ void runBoth(ThreadPool* threads, const First& first, const Second& second) {
   }
 }
 
+/// As ThreadPool::numParts(); without threads one.
+inline int numParts(const ThreadPool* threads) {
+  return threads == nullptr ? 1 : threads->numParts();
+}
+
 /// As ThreadPool::runParts(); without threads in one part.
 template <typename Task>
 void runParts(ThreadPool* threads, std::size_t size, const Task& task) {

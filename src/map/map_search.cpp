@@ -50,8 +50,7 @@ std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t inde
 /// The points in view, in the order of the map.
 std::vector<View> viewsOf(const std::vector<MapPoint>& points, const FrameContext& context,
                           const Eigen::Isometry3d& T_camera_map, ThreadPool* threads) {
-  const int num_parts = threads == nullptr ? 1 : threads->numParts();
-  std::vector<std::vector<View>> parts(static_cast<std::size_t>(num_parts));
+  std::vector<std::vector<View>> parts(static_cast<std::size_t>(numParts(threads)));
   runParts(threads, points.size(), [&](int part, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::optional<View> view = viewOf(points, i, context, T_camera_map);

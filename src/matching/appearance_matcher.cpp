@@ -23,7 +23,7 @@ std::vector<IndexPair> matchByAppearance(const std::vector<StereoDescriptor>& kn
                                          const MatchingParameters& parameters,
                                          ThreadPool* threads) {
   std::vector<int> forward(known.size(), -1);
-  const auto num_parts = static_cast<std::size_t>(threads == nullptr ? 1 : threads->numParts());
+  const auto num_parts = static_cast<std::size_t>(numParts(threads));
   std::vector<std::vector<TwoNearest>> backward(num_parts);
   runParts(threads, known.size(), [&](int part, std::size_t begin, std::size_t end) {
     std::vector<int> distances(seen.size());

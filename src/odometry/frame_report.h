@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "matching/frame_matcher.h"
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "odometry/odometry_state.h"
 #include "point_line_odometry/frame_result.h"
 

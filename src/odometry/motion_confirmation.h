@@ -6,7 +6,7 @@
 #include "matching/stereo_frame.h"
 #include "motion/frame_context.h"
 #include "motion/motion_estimator.h"
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {

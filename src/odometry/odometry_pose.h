@@ -5,7 +5,7 @@
 #include <optional>
 #include <tuple>
 
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "odometry/pose_integrator.h"
 #include "odometry/pose_smoother.h"
 #include "point_line_odometry/frame_result.h"

@@ -30,8 +30,8 @@ bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
     return true;
   }
   const Parameters& parameters = context.parameters;
-  const bool outlived = context.secondsSince(history.previous->stamp_ns) >
-                        parameters.tracking.max_prediction_s;
+  const bool outlived =
+      context.secondsSince(history.previous->stamp_ns) > parameters.tracking.max_prediction_s;
   const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
   return outlived && features >= parameters.motion.min_matches;
 }

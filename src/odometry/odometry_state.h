@@ -5,11 +5,11 @@
 #include <optional>
 #include <tuple>
 
+#include "motion/frame_intervals.h"
 #include "motion/noise_scale.h"
 #include "motion/online_stereo_calibration.h"
 #include "odometry/coarser_points.h"
-#include "motion/frame_intervals.h"
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
 #include "odometry/repeated_images.h"
@@ -68,7 +68,8 @@ struct OdometryState {
   FramePrior prepare(const MotionPrior* prior, std::int64_t stamp_ns) const;
 
   /// From where the points of a new frame are tracked; nothing without a previous frame.
-  std::optional<TrackingStart> trackingStart(const FrameContext& context, const FramePrior& prior) const;
+  std::optional<TrackingStart> trackingStart(const FrameContext& context,
+                                             const FramePrior& prior) const;
 
   /// From the last accepted frame [s]; 0 for the very first one.
   double sinceLast(const FrameContext& context) const;

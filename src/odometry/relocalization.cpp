@@ -3,6 +3,8 @@
 #include <optional>
 #include <utility>
 
+#include "odometry/frame_tracker.h"
+
 namespace point_line_odometry {
 namespace {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "common/thread_pool.h"
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "odometry/odometry_state.h"
 
 namespace point_line_odometry {

@@ -10,7 +10,7 @@
 #include "common/thread_pool.h"
 #include "matching/stereo_frame.h"
 #include "motion/frame_context.h"
-#include "odometry/frame_tracker.h"
+#include "odometry/tracking_result.h"
 #include "point_line_odometry/stereo_camera.h"
 
 namespace point_line_odometry {

@@ -97,8 +97,8 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   const StereoMasks& masks_now = masks.of(received);
   const StereoImages images = masks_now.paint(received);
   const StereoCorrection correction = state.stereo_calibration.correction();
-  FrameContext context{images, scaling.camera(), correction, parameters, state.noise,
-                       state.intervals};
+  FrameContext context{images,     scaling.camera(), correction,
+                       parameters, state.noise,      state.intervals};
   context.masks = masks_now;
 
   if (state.repeatsImages(context, prior)) {

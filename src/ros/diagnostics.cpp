@@ -110,7 +110,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   counters_.masks_missing += static_cast<std::uint64_t>(frame.masks.missing);
   if (!masks_) masks_.emplace();
   masks_->add(frame);
-  if (reason_ == TrackingReason::kRepeatedImages) return;  // not processed
+  if (!frame.result.processed()) return;
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
   if (process_ms_.size() > kRemembered) process_ms_.pop_front();

@@ -241,7 +241,7 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
     }
   }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
-  if (frame.result.accepted() && frame.result.reason != TrackingReason::kRepeatedImages) {
+  if (frame.result.processed()) {
     processor_->setFeatureBudget(budget_.addFrame(StageTimer::elapsedMs(begin)));
   }
 }
