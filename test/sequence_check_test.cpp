@@ -283,6 +283,26 @@ TEST(SequenceCheck, CountsImagesThatComeAgain) {
   }
 }
 
+/// A pair with one repeated image is left out, and the next one compared with the pair before it.
+TEST(SequenceCheck, ARepeatedImageIsComparedWithTheLastPairThatCounts) {
+  const LateCamera camera("indoor", 0.0);
+  SequenceCheck check;
+  check.add(camera.pair(0));
+  for (const int i : {1, 2}) {
+    StereoImages pair = camera.pair(i);
+    pair.left = camera.pair(0).left;
+    pair.right = camera.pair(1).right;
+    check.add(pair);
+  }
+  EXPECT_EQ(check.measurement().frames, 1);
+  EXPECT_EQ(check.measurement().repeated_left, 2);
+  EXPECT_EQ(check.measurement().repeated_right, 0);
+  StereoImages pair = camera.pair(3);
+  pair.right = camera.pair(1).right;
+  check.add(pair);
+  EXPECT_EQ(check.measurement().frames, 2) << "the pair that had it was left out";
+}
+
 TEST(SequenceCheck, CountsFramesThatAreStampedWhenTheyArrive) {
   const LateCamera camera("indoor", 0.0);
   for (const bool late : {false, true}) {

@@ -19,9 +19,10 @@ bool ImageRepetitions::add(const StereoImages& images) {
   same_pairs_ = 0;
   if (left) ++left_;
   if (right) ++right_;
+  if (left || right) return true;
   last_left_ = images.left.clone();
   last_right_ = images.right.clone();
-  return left || right;
+  return false;
 }
 
 void ImageRepetitions::interrupt() {

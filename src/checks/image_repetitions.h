@@ -6,13 +6,13 @@
 
 namespace point_line_odometry {
 
-/// Counts images of a sequence that are those of the pair before, byte for byte, as from a driver
-/// that hangs or hands out a buffer twice. A camera without noise that is stationary repeats both,
-/// for longer than a driver does: these are not counted.
+/// Counts images of a sequence that are those of the last pair that was kept, byte for byte, as
+/// from a driver that hangs or hands out a buffer twice. A camera without noise that is stationary
+/// repeats both, for longer than a driver does: these are not counted.
 class ImageRepetitions {
  public:
-  /// Takes the next pair, which is kept. Whether one of its images is repeated while the other is
-  /// not: such a pair shows a wrong motion.
+  /// Takes the next pair. Whether one of its images is repeated while the other is not: such a pair
+  /// shows a wrong motion, and is not kept.
   bool add(const StereoImages& images);
 
   /// The next pair is the first of another sequence.

@@ -41,8 +41,8 @@ struct StereoLine {
 /// with it.
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
-  ImagePyramid left_image;        ///< a copy: the next frames align its patches
-  cv::Mat right_image;            ///< a copy, to recognise it if it comes again
+  ImagePyramid left_image;  ///< a copy: the next frames align its patches
+  cv::Mat right_image;      ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;

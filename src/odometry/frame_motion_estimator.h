@@ -46,8 +46,8 @@ class FrameMotionEstimator {
 
  private:
   MotionEstimate estimateByImages(const Correspondences& matches,
-                                  const Eigen::Isometry3d& T_curr_prev,
-                                  const StereoFrame& earlier, ThreadPool* threads) const;
+                                  const Eigen::Isometry3d& T_curr_prev, const StereoFrame& earlier,
+                                  ThreadPool* threads) const;
   ConstantVelocityMotion atVelocity(const Eigen::Isometry3d& T_curr_prev,
                                     const StereoFrame& earlier) const;
 

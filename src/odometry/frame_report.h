@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "matching/frame_matcher.h"
-#include "odometry/tracking_result.h"
 #include "odometry/odometry_state.h"
+#include "odometry/tracking_result.h"
 #include "point_line_odometry/frame_result.h"
 
 namespace point_line_odometry {

@@ -34,11 +34,9 @@ void dropMatches(const std::vector<bool>& dropped, TrackingResult* tracked) {
 
 }  // namespace
 
-TrackingResult FrameToFrameTracker::track(const StereoFrame& earlier,
-                                                 const StereoFrame& curr,
-                                                 const ExpectedMotion& expected,
-                                                 const TrackingStages& stages,
-                                                 ThreadPool* threads) const {
+TrackingResult FrameToFrameTracker::track(const StereoFrame& earlier, const StereoFrame& curr,
+                                          const ExpectedMotion& expected,
+                                          const TrackingStages& stages, ThreadPool* threads) const {
   const double radius_px = parameters_.matching.search_radius_px;
   TrackingResult tracked = trackNear(earlier, curr, expected, stages, threads);
   if (!parameters_.matching.wide_search) return tracked;
@@ -68,11 +66,10 @@ TrackingResult FrameToFrameTracker::track(const StereoFrame& earlier,
   return retried.frame_to_frame.ok() ? retried : tracked;
 }
 
-TrackingResult FrameToFrameTracker::trackNear(const StereoFrame& earlier,
-                                                     const StereoFrame& curr,
-                                                     const ExpectedMotion& expected,
-                                                     const TrackingStages& stages,
-                                                     ThreadPool* threads) const {
+TrackingResult FrameToFrameTracker::trackNear(const StereoFrame& earlier, const StereoFrame& curr,
+                                              const ExpectedMotion& expected,
+                                              const TrackingStages& stages,
+                                              ThreadPool* threads) const {
   const MotionPrediction& prediction = expected.prediction;
   TrackingResult tracked;
   {

@@ -135,8 +135,7 @@ TrackingResult FrameTracker::trackFrameToFrame(const StereoFrame& curr,
   if (history_.before_previous && expected.prior == nullptr) {
     threads_->run(2, [&](int task) {
       if (task == 0) {
-        tracked =
-            frame_to_frame_.track(*history_.previous, curr, expected, stages, nullptr);
+        tracked = frame_to_frame_.track(*history_.previous, curr, expected, stages, nullptr);
       } else {
         const MotionPrediction& prediction = expected.prediction;
         const ExpectedMotion since_two_frames{

@@ -5,9 +5,9 @@
 #include <optional>
 #include <tuple>
 
-#include "odometry/tracking_result.h"
 #include "odometry/pose_integrator.h"
 #include "odometry/pose_smoother.h"
+#include "odometry/tracking_result.h"
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/tilt_correction.h"

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "common/thread_pool.h"
-#include "odometry/tracking_result.h"
 #include "odometry/odometry_state.h"
+#include "odometry/tracking_result.h"
 
 namespace point_line_odometry {
 

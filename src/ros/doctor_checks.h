@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "dataset/mask_file.h"
 #include "checks/pair_check.h"
+#include "dataset/mask_file.h"
 #include "point_line_odometry/rectification.h"
 #include "ros/calibration_conversion.h"
 #include "ros/confirmation.h"
