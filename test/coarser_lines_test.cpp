@@ -59,8 +59,8 @@ class CoarserLinesTest : public ::testing::Test {
     StereoFeatureDetector detector(parameters_.points, parameters_.lines);
     frame.left_image = context.left;
     frame.features = detector.detect(context.images, &threads_);
-    triangulateMatches(matchStereo(frame.features, parameters_.matching, &threads_), context,
-                       &threads_, &frame);
+    triangulateMatches(matchStereo(frame.features, correction_, parameters_.matching, &threads_),
+                       context, &threads_, &frame);
     return frame;
   }
 

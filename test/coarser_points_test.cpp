@@ -72,8 +72,9 @@ class CoarserPointsTest : public ::testing::Test {
     Frames frames;
     frames.finest.left_image = context.left;
     frames.finest.features = detector.detect(images, &threads);
-    triangulateMatches(matchStereo(frames.finest.features, parameters_.matching, &threads), context,
-                       &threads, &frames.finest);
+    triangulateMatches(
+        matchStereo(frames.finest.features, correction, parameters_.matching, &threads), context,
+        &threads, &frames.finest);
     const PointCoverage coverage(frames.finest, context);
     frames.is_poor = coverage.isPoor();
     frames.all = frames.finest;

@@ -9,6 +9,7 @@
 #include <functional>
 #include <iostream>
 #include <opencv2/core.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
@@ -322,6 +323,41 @@ TEST(Faults, FasterThanAnythingIsRejected) {
     EXPECT_NE(result.state, TrackingState::kOk);
     EXPECT_LT(jump(last, result).translation_m, 0.15) << "never what was measured";
     last = result;
+  }
+}
+
+// --- A right camera that was knocked
+
+/// The images of a right camera that was turned since it was calibrated.
+StereoImages turned(StereoImages images, const Vector3d& rotation_deg) {
+  Eigen::Matrix3d K;
+  K << kCamera.fx, 0.0, kCamera.cx, 0.0, kCamera.fy, kCamera.cy, 0.0, 0.0, 1.0;
+  const Eigen::Matrix3d H =
+      K * transform(rotation_deg * M_PI / 180.0, Vector3d::Zero()).linear() * K.inverse();
+  cv::Mat homography;
+  cv::eigen2cv(H, homography);
+  cv::Mat right;
+  cv::warpPerspective(images.right, right, homography, images.right.size(), cv::INTER_LINEAR,
+                      cv::BORDER_REPLICATE);
+  images.right = right;
+  return images;
+}
+
+/// From the first motion on.
+TEST(KnockedCamera, IsCorrectedByItsVerticalDisparities) {
+  for (const Vector3d& rotation_deg : {Vector3d(0.0, 0.0, 0.0), Vector3d(0.0, 0.0, 0.2),
+                                       Vector3d(0.1, 0.0, 0.0), Vector3d(0.0, 0.0, -0.8)}) {
+    StereoOdometry odometry(kCamera, synthetic::roomParameters());
+    for (int k = 0; k < 30; ++k) {
+      const FrameResult result = odometry.process(turned(drive(k), rotation_deg));
+      if (k > 0) {
+        EXPECT_EQ(result.state, TrackingState::kOk) << k;
+      }
+      const double error_m = distance(result.T_odom_camera, synthetic::truePose(k));
+      const double error_rad = angle(result.T_odom_camera, synthetic::truePose(k));
+      EXPECT_LT(error_m, k < 2 ? 0.0025 : 0.015) << rotation_deg.transpose() << ", frame " << k;
+      EXPECT_LT(error_rad, k < 2 ? 4e-4 : 3e-3) << rotation_deg.transpose() << ", frame " << k;
+    }
   }
 }
 

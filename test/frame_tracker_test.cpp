@@ -44,8 +44,8 @@ class FusionTest : public ::testing::Test {
     frame.stamp_ns = images_[i].stamp_ns;
     frame.left_image = ImagePyramid(images_[i].left);
     frame.features = detector.detect(images_[i], &threads_);
-    triangulateMatches(matchStereo(frame.features, parameters_.matching, &threads_), context,
-                       &threads_, &frame);
+    triangulateMatches(matchStereo(frame.features, correction_, parameters_.matching, &threads_),
+                       context, &threads_, &frame);
     return frame;
   }
 

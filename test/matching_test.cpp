@@ -15,6 +15,7 @@
 #include "matching/point_matcher.h"
 #include "matching/stereo_frame.h"
 #include "point_line_odometry/parameters.h"
+#include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/types.h"
 #include "synthetic_scene.h"
 
@@ -394,6 +395,30 @@ TEST(MatchPointsByAppearance, NoFeaturesGiveNoMatches) {
   EXPECT_TRUE(pairsByAppearance({{0, 0}}, {}).empty());
   EXPECT_TRUE(pairsByAppearance({}, {{0, 0}}).empty());
   EXPECT_TRUE(stereoDescriptors(StereoFrame{}).empty());
+}
+
+/// A right image that is displaced by more rows than matches may differ.
+TEST(MatchStereo, SearchesOnCorrectedRows) {
+  const TwoFrames scene(40, 30, Isometry3d::Identity(), 12);
+  StereoCorrection error(scene.camera);
+  error.v(0) = 4.0;
+  error.v(1) = 6.0;
+  DetectedFeatures seen = scene.prev.features;
+  const auto displace = [&](Eigen::Vector2f* right_px) {
+    right_px->y() += static_cast<float>(error.v.dot(error.terms(right_px->cast<double>())));
+  };
+  for (Keypoint& point : seen.points_right) displace(&point.pixel);
+  for (LineFeature& line : seen.lines_right) {
+    displace(&line.segment.start);
+    displace(&line.segment.end);
+  }
+  ThreadPool threads(2);
+  const StereoMatches matches = matchStereo(seen, error, {}, &threads);
+  EXPECT_EQ(matches.points.size(), 40U);
+  for (const IndexPair& pair : matches.points) EXPECT_EQ(pair.first, pair.second);
+  EXPECT_GE(matches.lines.size(), 25U);
+  for (const IndexPair& pair : matches.lines) EXPECT_EQ(pair.first, pair.second);
+  EXPECT_LT(matchStereo(seen, StereoCorrection(scene.camera), {}, &threads).points.size(), 25U);
 }
 
 // --- Lines within a frame

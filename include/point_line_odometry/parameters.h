@@ -204,7 +204,7 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
         "smallest disparity from which a depth is triangulated, in pixels of the point's pyramid "
         "level; farther lines are dropped");
   visit("matching/max_row_difference_px", p.matching.max_row_difference_px, 0.5, 20.0, "px",
-        "largest vertical disparity of a stereo match (delta_v)");
+        "largest vertical disparity of a stereo match (delta_v), after the online calibration");
   visit("matching/search_radius_px", p.matching.search_radius_px, 1.0, 500.0, "px",
         "search radius around the position predicted from the velocity (delta_r)");
   visit("matching/search_radius_without_velocity_px", p.matching.search_radius_without_velocity_px,

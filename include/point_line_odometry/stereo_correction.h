@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
@@ -28,6 +29,7 @@ class StereoCorrection {
 
   /// The pixel at which a correctly calibrated right camera would observe the same point.
   Eigen::Vector2d apply(const Eigen::Vector2d& right_px) const;
+  LineSegment apply(const LineSegment& right) const;
 
   Coefficients u = Coefficients::Zero();  ///< horizontal displacement: a bias of the disparity
   Coefficients v =

@@ -41,8 +41,8 @@ StereoFrame Stages::makeFrame(const StereoImages& images) {
   frame.stamp_ns = images.stamp_ns;
   frame.left_image = ImagePyramid(images.left);
   frame.features = stereo_detector_.detect(images, &threads_);
-  const StereoMatches matches =
-      ::point_line_odometry::matchStereo(frame.features, parameters_.matching, &threads_);
+  const StereoMatches matches = ::point_line_odometry::matchStereo(frame.features, correction_,
+                                                                   parameters_.matching, &threads_);
   triangulateMatches(matches, {images, camera_, correction_, parameters_}, &threads_, &frame);
   return frame;
 }
@@ -85,8 +85,8 @@ std::size_t Stages::detectStereo() {
 }
 
 std::size_t Stages::matchStereo() {
-  stereo_matches_ =
-      ::point_line_odometry::matchStereo(curr_.features, parameters_.matching, &one_thread_);
+  stereo_matches_ = ::point_line_odometry::matchStereo(curr_.features, correction_,
+                                                       parameters_.matching, &one_thread_);
   return stereo_matches_.points.size() + stereo_matches_.lines.size();
 }
 

@@ -9,6 +9,7 @@
 #include "matching/stereo_frame.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/stereo_camera.h"
+#include "point_line_odometry/stereo_correction.h"
 
 namespace point_line_odometry {
 
@@ -18,9 +19,17 @@ struct StereoMatches {
   std::vector<IndexPair> lines;
 };
 
-/// Points by matchPointsStereo() and lines by matchLinesStereo().
-StereoMatches matchStereo(const DetectedFeatures& features, const MatchingParameters& parameters,
-                          ThreadPool* threads);
+/// Points by matchPointsStereo() and lines by matchLinesStereo(), on the rows of a correctly
+/// calibrated right camera.
+StereoMatches matchStereo(const DetectedFeatures& features, const StereoCorrection& correction,
+                          const MatchingParameters& parameters, ThreadPool* threads);
+
+/// Features of the right image on the rows of a correctly calibrated camera, to whole pixels:
+/// corners lie on these, and by a fraction a window would lose one of its rows.
+std::vector<Keypoint> onCorrectRows(std::vector<Keypoint> right,
+                                    const StereoCorrection& correction);
+std::vector<LineFeature> onCorrectRows(std::vector<LineFeature> right,
+                                       const StereoCorrection& correction);
 
 /// Pairs (k-1, k) of stereo points and of stereo lines.
 struct CircularMatches {

@@ -64,10 +64,11 @@ std::optional<PointObservation> alignPoint(const StereoPatch& patch, int octave,
       alignInOctave(patch.right, context.right, context.masks.right, octave, right_px);
   const float scale = context.left.ratio(octave).maxCoeff();
   const double max_rows = scale * context.parameters.matching.max_row_difference_px;
-  if (!right || std::abs(right->pixel.y() - left->pixel.y()) > max_rows) return std::nullopt;
+  if (!right) return std::nullopt;
   const double sigma_px = pointSigma(context, std::max(left->noise_px, right->noise_px), scale);
   PointObservation observation =
       pointObservation(left->pixel, right->pixel, sigma_px, context.correction);
+  if (std::abs(observation.right_px.y() - observation.left_px.y()) > max_rows) return std::nullopt;
   observation.patch_px = scale * PatchAligner::kSide;
   return observation;
 }

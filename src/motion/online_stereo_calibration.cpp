@@ -1,8 +1,11 @@
 #include "motion/online_stereo_calibration.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "common/statistics.h"
 #include "motion/huber_loss.h"
 #include "motion/landmark_refinement.h"
 #include "motion/residuals.h"
@@ -20,13 +23,32 @@ constexpr double kFramesPerSample = 2.0;
 
 // Prior standard deviations of the coefficients at the image's side [px], for
 // StereoCorrection::terms(). For the disparity those of the terms without x are smaller: over two
-// frames their effect on the optical flow is hardly distinguishable from that of another speed.
+// frames their effect on the optical flow is hardly distinguishable from that of another speed. For
+// the rows those are larger by which a rotation displaces them.
 constexpr double kFreePx = 0.1;
 constexpr double kHeldPx = 0.08;
+constexpr double kRotationPx = 0.3;
+StereoCorrection::Coefficients verticalSigma() {
+  StereoCorrection::Coefficients sigma;
+  sigma << kRotationPx, kRotationPx, kFreePx, kFreePx, kFreePx, kFreePx;
+  return sigma;
+}
 StereoCorrection::Coefficients disparitySigma() {
   StereoCorrection::Coefficients sigma;
   sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx;
   return sigma;
+}
+
+// Standard deviation of what else than a rotation displaces rows by a constant (the principal
+// point), or in proportion to x [px].
+constexpr double kPrincipalPointPx = 0.3;
+constexpr double kShearPx = 0.05;
+
+/// A quantity about zero of unknown variance, measured with an error of this standard deviation:
+/// its empirical Bayes estimate, which is zero where the error explains the measurement.
+double shrunk(double measured, double sigma) {
+  const double ratio = sigma / measured;
+  return std::abs(measured) > sigma ? measured * (1.0 - ratio * ratio) : 0.0;
 }
 
 }  // namespace
@@ -41,15 +63,13 @@ void OnlineStereoCalibration::GaussianEstimate::add(const Information& more_info
   vector = fading * vector + more_vector;
 }
 
-StereoCorrection::Coefficients OnlineStereoCalibration::GaussianEstimate::mean() const {
-  return information.ldlt().solve(vector);
+StereoCorrection::Coefficients OnlineStereoCalibration::GaussianEstimate::mean(
+    const Coefficients& expected) const {
+  return information.ldlt().solve(prior * expected + vector);
 }
 
 OnlineStereoCalibration::OnlineStereoCalibration(const StereoCamera& camera)
-    : camera_(camera),
-      correction_(camera),
-      u_(disparitySigma()),
-      v_(Coefficients::Constant(kFreePx)) {}
+    : camera_(camera), correction_(camera), u_(disparitySigma()), v_(verticalSigma()) {}
 
 std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame) {
@@ -77,6 +97,7 @@ void OnlineStereoCalibration::addVerticalDisparities(const std::vector<VerticalD
   }
   v_.add(information / kFramesPerSample, vector / kFramesPerSample);
   correction_.v = v_.mean();
+  correction_.u = u_.mean(expectedByRotation());
 }
 
 void OnlineStereoCalibration::addMotion(const Correspondences& correspondences,
@@ -130,7 +151,32 @@ void OnlineStereoCalibration::addMotion(const Correspondences& correspondences,
 void OnlineStereoCalibration::add(const CalibrationEvidence& evidence, double share_of_new) {
   const double weight = std::pow(share_of_new, 3);
   u_.add(weight * evidence.information, weight * evidence.vector);
-  correction_.u = u_.mean();
+  correction_.u = u_.mean(expectedByRotation());
+}
+
+bool OnlineStereoCalibration::knowsVertical() const {
+  constexpr double kLeast = 10.0;  // some ten stereo matches
+  return v_.information(0, 0) > kLeast * v_.prior(0, 0);
+}
+
+/// To first order a roll w displaces a pixel (x, y) from the principal point by w (-y fx / fy,
+/// x fy / fx), and a pitch w by w (x y / fy, fy + y^2 / fy). Lenses displace rows, too: as much as
+/// the other coefficients of v show, but for the largest (KITTI's x y is 5 px). A yaw cannot be
+/// told from that.
+StereoCorrection::Coefficients OnlineStereoCalibration::expectedByRotation() const {
+  const Coefficients& v = correction_.v;
+  const double by_lens =
+      median(std::vector<double>{std::abs(v[2]), std::abs(v[3]), std::abs(v[4]), std::abs(v[5])});
+  const Coefficients variance = v_.information.inverse().diagonal();
+  const auto sigma = [&](int term, double other_px) {
+    return std::sqrt(variance[term] + by_lens * by_lens + other_px * other_px);
+  };
+  const double aspect = camera_.fx / camera_.fy;
+  const double k = 0.5 * camera_.width / camera_.fy;
+  Coefficients u = Coefficients::Zero();
+  u[2] = -aspect * aspect * shrunk(v[1], sigma(1, kShearPx));
+  u[4] = k * k * shrunk(v[0], sigma(0, kPrincipalPointPx));
+  return u;
 }
 
 }  // namespace point_line_odometry

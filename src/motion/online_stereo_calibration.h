@@ -26,7 +26,9 @@ struct CalibrationEvidence {
 /// Estimates the correction of the right image while the odometry runs. Vertical disparities
 /// measure v directly. A bias of the disparity, u, is observable when the camera moves: the
 /// triangulated depths then disagree with the optical flow. Each frame adds its information on the
-/// coefficients, with the motion marginalised out; old information decays exponentially.
+/// coefficients, with the motion marginalised out; old information decays exponentially. A right
+/// camera that is turned about its axis or tilted displaces both coordinates: where v shows more of
+/// that than lenses explain, u is expected to be the rest of it, before the camera has moved.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -40,6 +42,9 @@ class OnlineStereoCalibration {
     double vertical_disparity_px;
   };
   void addVerticalDisparities(const std::vector<VerticalDisparity>& samples, double sigma_px);
+
+  /// Whether any frame has shown v.
+  bool knowsVertical() const;
 
   /// Adds one frame's motion: residuals of the inlier points at the estimate. \param share_of_new
   /// share of new features in the frame, 0 ... 1. Its cube weights the frame: tracked points repeat
@@ -65,11 +70,13 @@ class OnlineStereoCalibration {
     /// \param prior_sigma of each coefficient [px], about zero.
     explicit GaussianEstimate(const Coefficients& prior_sigma);
     void add(const Information& information, const Coefficients& vector);
-    Coefficients mean() const;
+    /// \param expected mean of the prior.
+    Coefficients mean(const Coefficients& expected = Coefficients::Zero()) const;
     auto state() { return std::tie(prior, information, vector); }
   };
 
   void add(const CalibrationEvidence& evidence, double share_of_new);
+  Coefficients expectedByRotation() const;
 
   StereoCamera camera_;
   StereoCorrection correction_;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/segment_distance.h"
+#include "matching/frame_matcher.h"
 #include "matching/line_matcher.h"
 #include "odometry/stereo_triangulation.h"
 
@@ -58,7 +59,8 @@ void addCoarserLines(StereoFeatureDetector* detector, const FrameContext& contex
   limit(left.size(), context.parameters.lines, &found.lines_left);
   limit(right.size(), context.parameters.lines, &found.lines_right);
   std::vector<IndexPair> matches =
-      matchLinesStereo(found.lines_left, found.lines_right, context.parameters.matching, threads);
+      matchLinesStereo(found.lines_left, onCorrectRows(found.lines_right, context.correction),
+                       context.parameters.matching, threads);
   for (IndexPair& match : matches) {
     match.first += static_cast<int>(left.size());
     match.second += static_cast<int>(right.size());

@@ -79,12 +79,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
-  const bool calibrates = calibratesStereo(parameters);
-  if (calibrates && tracked.reason != TrackingReason::kRepeatedImages) {
-    const StageTimer timer(times, Stage::kRefine);
-    stereo_calibration.addVerticalDisparities(verticalDisparities(curr),
-                                              parameters.motion.point_noise_px);
-  }
+  const std::vector<OnlineStereoCalibration::VerticalDisparity> vertical =
+      verticalDisparities(curr);
   if (measured && parameters.matching.wide_search) {
     resting.learn(*history.previous, curr, tracked, context);
   } else if (!measured) {
@@ -95,11 +91,14 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
   }
-  if (calibrates && measured && tracked.frame_to_frame.ok()) {
-    const StageTimer timer(times, Stage::kRefine);
+  if (!calibratesStereo(parameters)) return;
+  const StageTimer timer(times, Stage::kRefine);
+  if (measured && tracked.frame_to_frame.ok()) {  // first: its residuals are of the old correction
     stereo_calibration.addMotion(tracked.correspondences, tracked.frame_to_frame, parameters.motion,
                                  shareOfNew(history.map));
   }
+  if (tracked.reason != TrackingReason::kRepeatedImages)
+    stereo_calibration.addVerticalDisparities(vertical, parameters.motion.point_noise_px);
 }
 
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,

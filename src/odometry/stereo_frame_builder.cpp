@@ -47,7 +47,7 @@ StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
   StereoMatches matches;
   {
     const StageTimer timer(times, Stage::kMatchStereo);
-    matches = matchStereo(frame.features, parameters.matching, threads);
+    matches = matchStereo(frame.features, context->correction, parameters.matching, threads);
   }
   {
     const StageTimer timer(times, Stage::kTriangulate);

@@ -66,6 +66,7 @@ class StereoOdometry::Impl {
 
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
+  StereoCorrection correctionBy(const StereoFrame& first) const;
   TrackedFrame track(FrameContext context, const FramePrior& prior, FrameResult* result);
   void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
@@ -96,7 +97,7 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
                                    FrameResult* result) {
   const StereoMasks& masks_now = masks.of(received);
   const StereoImages images = masks_now.paint(received);
-  const StereoCorrection correction = state.stereo_calibration.correction();
+  StereoCorrection correction = state.stereo_calibration.correction();
   FrameContext context{images,     scaling.camera(), correction,
                        parameters, state.noise,      state.intervals};
   context.masks = masks_now;
@@ -109,6 +110,10 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(std::move(repeated), prior, result);
     return;
   }
+  if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
+    correction = correctionBy(buildStereoFrame(&detector, state.trackingStart(context, prior),
+                                               &context, threads.get(), &result->times));
+  }
   TrackedFrame curr = track(context, prior, result);
   const PriorReport prior_report = curr.tracking.prior;
   if (prior_report.use != PriorUse::kRejected || !hasCoarserPoints(curr.frame)) {
@@ -119,6 +124,13 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   TrackedFrame without_prior = track(context, {}, result);
   if (without_prior.tracking.image_motion) without_prior.tracking.prior = prior_report;
   update(std::move(without_prior), prior, result);
+}
+
+/// As the first frame that shows it will leave it: its landmarks need it, too.
+StereoCorrection StereoOdometry::Impl::correctionBy(const StereoFrame& first) const {
+  OnlineStereoCalibration calibration = state.stereo_calibration;
+  calibration.addVerticalDisparities(verticalDisparities(first), parameters.motion.point_noise_px);
+  return calibration.correction();
 }
 
 TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,

@@ -19,11 +19,6 @@ LineTriangulationLimits lineLimits(const Parameters& parameters) {
   return limits;
 }
 
-LineSegment corrected(const LineSegment& right, const StereoCorrection& correction) {
-  return {correction.apply(right.start.cast<double>()).cast<float>(),
-          correction.apply(right.end.cast<double>()).cast<float>()};
-}
-
 /// Aligns the patch around a left pixel in the right image, on a plane that need not be parallel to
 /// the images.
 std::optional<AlignedPatch> alignStereo(const cv::Mat& left_image, const cv::Mat& right_image,
@@ -119,8 +114,7 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
   const LineTriangulationLimits limits = lineLimits(context.parameters);
   for (const IndexPair& match : matches) {
     const LineFeature& left = features.lines_left[match.first];
-    const LineSegment right =
-        corrected(features.lines_right[match.second].segment, context.correction);
+    const LineSegment right = context.correction.apply(features.lines_right[match.second].segment);
     const double sigma_px = lineSigma(context, left.segment, right, left.scale);
     frame->lines.push_back(
         {match.first, match.second,

@@ -15,4 +15,9 @@ Eigen::Vector2d StereoCorrection::apply(const Eigen::Vector2d& right_px) const {
   return {right_px.x() - u.dot(t), right_px.y() - v.dot(t)};
 }
 
+LineSegment StereoCorrection::apply(const LineSegment& right) const {
+  return {apply(right.start.cast<double>()).cast<float>(),
+          apply(right.end.cast<double>()).cast<float>()};
+}
+
 }  // namespace point_line_odometry
