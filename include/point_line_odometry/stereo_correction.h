@@ -29,7 +29,7 @@ class StereoCorrection {
 
   /// The pixel at which a correctly calibrated right camera would observe the same point.
   Eigen::Vector2d apply(const Eigen::Vector2d& right_px) const;
-  LineSegment apply(const LineSegment& right) const;
+  LineSegment apply(const LineSegment& right) const;  ///< the same of both ends
 
   Coefficients u = Coefficients::Zero();  ///< horizontal displacement: a bias of the disparity
   Coefficients v =
