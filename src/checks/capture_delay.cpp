@@ -172,7 +172,7 @@ std::optional<CaptureDelay> delayByRows(const std::vector<const FollowedFrame*>&
       const Terms by = terms(frame, point);
       Sample sample{point.vertical_disparity, by.dot(field.col(1)), Eigen::RowVectorXd(3)};
       sample.others << 1.0, by[6], by[8];
-      groups[cellOf(frame, point, kColumns, kRows)].push_back(std::move(sample));
+      groups[cellOf(point.pixel, frame.size, kColumns, kRows)].push_back(std::move(sample));
     }
   }
   return commonSlope(std::move(groups));

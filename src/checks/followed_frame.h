@@ -27,14 +27,14 @@ struct FollowedFrame {
   double period_s = 0.0;  ///< to the next frame; 0: none follows
 };
 
-/// The index, row by row, of the part of the image that a point lies in, of columns x rows parts.
-inline std::size_t cellOf(const FollowedFrame& frame, const FollowedPoint& point, int columns,
+/// The index, row by row, of the part of the image that a pixel lies in, of columns x rows parts.
+inline std::size_t cellOf(const Eigen::Vector2d& pixel, const cv::Size& size, int columns,
                           int rows) {
   const auto part = [](double value, int size, int parts) {
     return std::clamp(static_cast<int>(value * parts / size), 0, parts - 1);
   };
-  const int column = part(point.pixel.x(), frame.size.width, columns);
-  const int row = part(point.pixel.y(), frame.size.height, rows);
+  const int column = part(pixel.x(), size.width, columns);
+  const int row = part(pixel.y(), size.height, rows);
   return static_cast<std::size_t>(row * columns + column);
 }
 

@@ -62,7 +62,7 @@ RestingPattern findRestingPattern(const std::vector<const FollowedFrame*>& frame
       ++pattern.compared;
       if (point.flow.norm() >= kResting_px) continue;
       ++pattern.resting;
-      ++cells[cellOf(*frame, point, kColumns, kRows)];
+      ++cells[cellOf(point.pixel, frame->size, kColumns, kRows)];
     }
   }
   pattern.cells = static_cast<int>(

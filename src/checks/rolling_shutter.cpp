@@ -65,14 +65,6 @@ Eigen::Matrix<double, 2, kCalibration> calibrationJacobian(const StereoCamera& c
 constexpr int kColumns = 6;
 constexpr int kRows = 4;
 
-/// The part of the image in which a pixel is.
-std::size_t cellOf(const Eigen::Vector2d& pixel, const StereoCamera& camera) {
-  const int column = static_cast<int>(pixel.x() * kColumns / camera.width);
-  const int row = static_cast<int>(pixel.y() * kRows / camera.height);
-  return static_cast<std::size_t>(std::clamp(row, 0, kRows - 1) * kColumns +
-                                  std::clamp(column, 0, kColumns - 1));
-}
-
 Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamera& camera) {
   const auto inliers = std::count_if(step.flows.begin(), step.flows.end(),
                                      [](const Flow& flow) { return flow.inlier; });
@@ -85,7 +77,7 @@ Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamer
     equations.x.segment<2>(row) = projectionJacobian(camera, xyz) * step.byReadOut(flow);
     equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, xyz);
     equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step, flow, xyz);
-    equations.cells.push_back(cellOf(flow.from_px, camera));
+    equations.cells.push_back(cellOf(flow.from_px, {camera.width, camera.height}, kColumns, kRows));
     row += 2;
   }
   return equations;
