@@ -32,18 +32,21 @@ void addCoarserFeatures(StereoFeatureDetector* detector, const std::optional<Tra
 
 }  // namespace
 
-StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
-                             const std::optional<TrackingStart>& start, FrameContext* context,
-                             ThreadPool* threads, StageTimes* times) {
-  const Parameters& parameters = context->parameters;
+StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
+                           ThreadPool* threads, StageTimes* times) {
+  const StageTimer timer(times, Stage::kDetect);
   StereoFrame frame;
-  frame.stamp_ns = context->images.stamp_ns;
-  {
-    const StageTimer timer(times, Stage::kDetect);
-    frame.left_image = ImagePyramid(context->images.left.clone());
-    frame.right_image = context->images.right.clone();
-    frame.features = detector->detect(context->images, threads, context->masks);
-  }
+  frame.stamp_ns = context.images.stamp_ns;
+  frame.left_image = ImagePyramid(context.images.left.clone());
+  frame.right_image = context.images.right.clone();
+  frame.features = detector->detect(context.images, threads, context.masks);
+  return frame;
+}
+
+StereoFrame matchFeatures(StereoFrame frame, StereoFeatureDetector* detector,
+                          const std::optional<TrackingStart>& start, FrameContext* context,
+                          ThreadPool* threads, StageTimes* times) {
+  const Parameters& parameters = context->parameters;
   StereoMatches matches;
   {
     const StageTimer timer(times, Stage::kMatchStereo);

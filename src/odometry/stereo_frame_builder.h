@@ -11,12 +11,16 @@
 
 namespace point_line_odometry {
 
-/// Detects features in both images of a stereo pair, matches left with right and triangulates.
-/// Where the image has few points, coarser levels of the pyramid are used, too.
-/// \param start nothing without a previous frame. If that has points of coarser levels, the context
-/// and the frame get the levels in which they are aligned.
-StereoFrame buildStereoFrame(StereoFeatureDetector* detector,
-                             const std::optional<TrackingStart>& start, FrameContext* context,
-                             ThreadPool* threads, StageTimes* times);
+/// A stereo frame with the features detected in both images, not matched yet.
+StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
+                           ThreadPool* threads, StageTimes* times);
+
+/// Matches the features of a frame left with right and triangulates. Where the image has few
+/// points, coarser levels of the pyramid are used, too. \param start nothing without a previous
+/// frame. If that has points of coarser levels, the context and the frame get the levels in which
+/// they are aligned.
+StereoFrame matchFeatures(StereoFrame frame, StereoFeatureDetector* detector,
+                          const std::optional<TrackingStart>& start, FrameContext* context,
+                          ThreadPool* threads, StageTimes* times);
 
 }  // namespace point_line_odometry

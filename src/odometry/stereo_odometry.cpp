@@ -67,7 +67,8 @@ class StereoOdometry::Impl {
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
   StereoCorrection correctionBy(const StereoFrame& first) const;
-  TrackedFrame track(FrameContext context, const FramePrior& prior, FrameResult* result);
+  TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
+                     FrameResult* result);
   void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
   void giveUp(const char* error, const FramePrior& prior, FrameResult* result);
@@ -110,18 +111,20 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(std::move(repeated), prior, result);
     return;
   }
+  const StereoFrame detected = detectFeatures(&detector, context, threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
-    correction = correctionBy(buildStereoFrame(&detector, state.trackingStart(context, prior),
-                                               &context, threads.get(), &result->times));
+    correction =
+        correctionBy(matchFeatures(detected, &detector, state.trackingStart(context, prior),
+                                   &context, threads.get(), &result->times));
   }
-  TrackedFrame curr = track(context, prior, result);
+  TrackedFrame curr = track(detected, context, prior, result);
   const PriorReport prior_report = curr.tracking.prior;
   if (prior_report.use != PriorUse::kRejected || !hasCoarserPoints(curr.frame)) {
     update(std::move(curr), prior, result);
     return;
   }
   // Points of coarser levels were searched where the rejected prior predicted them.
-  TrackedFrame without_prior = track(context, {}, result);
+  TrackedFrame without_prior = track(detected, context, {}, result);
   if (without_prior.tracking.image_motion) without_prior.tracking.prior = prior_report;
   update(std::move(without_prior), prior, result);
 }
@@ -133,11 +136,12 @@ StereoCorrection StereoOdometry::Impl::correctionBy(const StereoFrame& first) co
   return calibration.correction();
 }
 
-TrackedFrame StereoOdometry::Impl::track(FrameContext context, const FramePrior& prior,
-                                         FrameResult* result) {
-  // Detect, match left with right, triangulate.
+TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext context,
+                                         const FramePrior& prior, FrameResult* result) {
+  // Match left with right, triangulate.
   const auto start = state.trackingStart(context, prior);
-  StereoFrame frame = buildStereoFrame(&detector, start, &context, threads.get(), &result->times);
+  StereoFrame frame =
+      matchFeatures(std::move(detected), &detector, start, &context, threads.get(), &result->times);
 
   finishWindow(result);
 
