@@ -401,7 +401,6 @@ StereoFrame frameOfPoints(const std::vector<Eigen::Vector2f>& pixels, int octave
     point.sigma_px = kNoisePx;
     point.triangulated.p_camera.z() = index + 1.0;
     point.triangulated.covariance = 0.01 * Matrix3d::Identity();
-    point.pixel_axes.setZero();
     frame.points.push_back(point);
   }
   return frame;
@@ -456,7 +455,8 @@ TEST(LocalMap, PatchesAreFromTheOctaveOfTheirPoint) {
     const StereoFrame empty = frameOfPoints({});
     const Eigen::Vector2f pixel = empty.left_image.fromLevel({60.0F, 50.0F}, octave);
     const StereoFrame frame = frameOfPoints({pixel}, octave);
-    const MapPoint point = makePoint(frame, frame.points[0], Isometry3d::Identity());
+    const MapPoint point =
+        makePoint(frame, frame.points[0], synthetic::camera(), Isometry3d::Identity());
     EXPECT_EQ(point.octave, octave);
     const cv::Mat& level = frame.left_image.levels[static_cast<std::size_t>(octave)];
     constexpr int kSide = MapPoint::kPatchSide;

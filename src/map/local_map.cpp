@@ -246,7 +246,7 @@ void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
   std::vector<MapPoint> points(chosen.size());
   runParts(threads, chosen.size(), [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      points[i] = makePoint(frame, frame.points[chosen[i]], T_map_previous_);
+      points[i] = makePoint(frame, frame.points[chosen[i]], context.camera, T_map_previous_);
   });
   for (std::size_t i = 0; i < chosen.size(); ++i)
     addPoint(frame, context, frame.points[chosen[i]], points[i]);

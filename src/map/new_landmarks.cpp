@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "matching/patch_warp.h"
+
 namespace point_line_odometry {
 namespace {
 
@@ -51,7 +53,7 @@ bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera) {
          pixel.y() < static_cast<float>(camera.height - MapPoint::kHalfPatch);
 }
 
-MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
+MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo, const StereoCamera& camera,
                    const Eigen::Isometry3d& T_map_camera) {
   const Keypoint& keypoint = frame.features.points_left[stereo.left];
   const Eigen::Matrix3d& R = T_map_camera.linear();
@@ -59,7 +61,7 @@ MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
   point.estimate.value = T_map_camera * stereo.triangulated.p_camera;
   point.estimate.sqrt_covariance =
       R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
-  point.patch_axes = R * stereo.pixel_axes;
+  point.patch_axes = R * pixelAxes(camera, stereo);
   cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
   point.octave = keypoint.octave;
   const Eigen::Vector2f pixel = frame.left_image.toLevel(keypoint.pixel, keypoint.octave);

@@ -45,7 +45,7 @@ class PointBuckets {
 bool patchFits(const Eigen::Vector2f& pixel, const StereoCamera& camera);
 
 /// A landmark from a stereo point of a frame at a pose.
-MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo,
+MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo, const StereoCamera& camera,
                    const Eigen::Isometry3d& T_map_camera);
 
 /// The same for a line, which must be triangulated.

@@ -9,9 +9,9 @@
 
 namespace point_line_odometry {
 
-/// The pixel axes of a plane through p_camera = Z K^-1 (u, v, 1). `slope` is the derivative of the
-/// right column minus the left one by the left pixel, i.e. minus that of the disparity d = fx b /
-/// Z; so dZ = Z / d slope^T d(u, v). Zero for a plane parallel to the images.
+/// The pixel axes of a plane through p_camera = Z K^-1 (u, v, 1). \param slope of the plane, as
+/// StereoPoint's: minus the derivative of the disparity d = fx b / Z by the left pixel; so dZ = Z /
+/// d slope^T d(u, v). Zero for a plane parallel to the images.
 inline PixelAxes pixelAxes(const StereoCamera& camera, const Eigen::Vector3d& p_camera,
                            const Eigen::Vector2f& slope) {
   const double depth_m = p_camera.z();
@@ -21,6 +21,12 @@ inline PixelAxes pixelAxes(const StereoCamera& camera, const Eigen::Vector3d& p_
   const double disparity_px = camera.fx * camera.baseline_m / depth_m;
   axes += p_camera * slope.cast<double>().transpose() / disparity_px;
   return axes;
+}
+
+/// Those of a stereo point; a far one has no slope.
+inline PixelAxes pixelAxes(const StereoCamera& camera, const StereoPoint& point) {
+  return pixelAxes(camera, point.triangulated.p_camera,
+                   point.far ? Eigen::Vector2f::Zero() : point.slope);
 }
 
 /// Affine warp of a patch: Jacobian of the pixel in the image that the patch was taken from by the

@@ -23,9 +23,9 @@ struct StereoPoint {
   Eigen::Vector2f right_px =
       Eigen::Vector2f::Zero();  ///< sub-pixel position in the right image, uncorrected
   double sigma_px = 1.0;        ///< of each pixel coordinate
+  /// Of its surface: derivative of the right column minus the left one by the left pixel.
+  Eigen::Vector2f slope = Eigen::Vector2f::Zero();
   TriangulatedPoint triangulated;
-  /// Jacobian of the point on its surface by its left pixel [m / px].
-  PixelAxes pixel_axes = PixelAxes::Zero();
   bool far = false;  ///< too far for a depth: it constrains the rotation only
 };
 

@@ -16,7 +16,7 @@ StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
   const cv::Mat& image = earlier.left_image.levels[static_cast<std::size_t>(keypoint.octave)];
   const Eigen::Vector2f pixel = earlier.left_image.toLevel(keypoint.pixel, keypoint.octave);
   const auto warp = stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
-                                    T_curr_earlier.linear() * point.pixel_axes);
+                                    T_curr_earlier.linear() * pixelAxes(camera, point));
   if (warp) return StereoPatch(image, pixel, *warp);
   return StereoPatch(PatchAligner(image, pixel));
 }

@@ -91,8 +91,8 @@ inline auto stateOf(TriangulatedLine& line) {
 }
 
 inline auto stateOf(StereoPoint& point) {
-  auto& [left, right, right_px, sigma_px, triangulated, pixel_axes, far] = point;
-  return std::tie(left, right, right_px, sigma_px, triangulated, pixel_axes, far);
+  auto& [left, right, right_px, sigma_px, slope, triangulated, far] = point;
+  return std::tie(left, right, right_px, sigma_px, slope, triangulated, far);
 }
 
 inline auto stateOf(StereoLine& line) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "geometry/triangulation.h"
 #include "matching/patch_aligner.h"
@@ -53,44 +54,58 @@ std::optional<AlignedPatch> alignStereo(const FrameContext& context, const Keypo
   return aligned;
 }
 
-/// A stereo point, or nothing if the pair cannot be one.
-std::optional<StereoPoint> triangulate(const DetectedFeatures& features, const IndexPair& match,
-                                       const FrameContext& context) {
+/// The stereo point of a match, without a position; nothing if its patch is not found.
+std::optional<StereoPoint> align(const DetectedFeatures& features, const IndexPair& match,
+                                 const FrameContext& context) {
   const Keypoint& left = features.points_left[match.first];
-  const MatchingParameters& matching = context.parameters.matching;
-  AlignedPatch right{features.points_right[match.second].pixel};
-  if (matching.refine_subpixel) {
-    const auto found = alignStereo(context, left, features.points_right[match.second]);
+  const Keypoint& right = features.points_right[match.second];
+  AlignedPatch aligned{right.pixel};
+  if (context.parameters.matching.refine_subpixel) {
+    const auto found = alignStereo(context, left, right);
     if (!found) return std::nullopt;
-    right = *found;
+    aligned = *found;
   }
-  const Eigen::Vector2d corrected = context.correction.apply(right.pixel.cast<double>());
-  const double sigma_px = pointSigma(context, right.noise_px, levelScale(left, context.parameters));
   StereoPoint point;
   point.left = match.first;
   point.right = match.second;
-  point.right_px = right.pixel;
-  point.sigma_px = sigma_px;
+  point.right_px = aligned.pixel;
+  point.slope = aligned.slope;
+  point.sigma_px = pointSigma(context, aligned.noise_px, levelScale(left, context.parameters));
+  return point;
+}
+
+/// Locates an aligned point of a frame. False if it cannot be a stereo point.
+bool triangulate(const StereoFrame& frame, const FrameContext& context, StereoPoint* point) {
+  const Keypoint& left = frame.features.points_left[point->left];
+  const MatchingParameters& matching = context.parameters.matching;
   const Eigen::Vector2d left_px = left.pixel.cast<double>();
+  const double right_u_px = context.correction.apply(point->right_px.cast<double>()).x();
   // A disparity of less than a pixel of its level is noise.
   const double min_disparity_px =
-      matching.min_disparity_px * context.left.ratio(left.octave).maxCoeff();
+      matching.min_disparity_px * frame.left_image.ratio(left.octave).maxCoeff();
   const auto triangulated =
-      triangulatePoint(context.camera, left_px, corrected.x(), sigma_px, min_disparity_px);
+      triangulatePoint(context.camera, left_px, right_u_px, point->sigma_px, min_disparity_px);
+  point->far = !triangulated;
   if (triangulated) {
-    point.triangulated = *triangulated;
-  } else {
-    const double disparity_px = left_px.x() - corrected.x();
-    // Without its covariance, a far point would constrain the translation to zero.
-    if (!matching.keep_far_points || !context.parameters.motion.use_triangulation_covariance ||
-        !(disparity_px >= -matching.max_row_difference_px))
-      return std::nullopt;
-    point.far = true;
-    point.triangulated = triangulateFarPoint(context.camera, left_px, corrected.x(), sigma_px);
-    right.slope.setZero();
+    point->triangulated = *triangulated;
+    return true;
   }
-  point.pixel_axes = pixelAxes(context.camera, point.triangulated.p_camera, right.slope);
-  return point;
+  // Without its covariance, a far point would constrain the translation to zero.
+  if (!matching.keep_far_points || !context.parameters.motion.use_triangulation_covariance ||
+      !(left_px.x() - right_u_px >= -matching.max_row_difference_px))
+    return false;
+  point->triangulated = triangulateFarPoint(context.camera, left_px, right_u_px, point->sigma_px);
+  return true;
+}
+
+/// The same for a line, of which the position may be missing.
+std::optional<TriangulatedLine> triangulate(const DetectedFeatures& features, int left_index,
+                                            int right_index, const FrameContext& context) {
+  const LineFeature& left = features.lines_left[left_index];
+  const LineSegment right = context.correction.apply(features.lines_right[right_index].segment);
+  const double sigma_px = lineSigma(context, left.segment, right, left.scale);
+  return triangulateLine(context.camera, left.segment, right, sigma_px,
+                         lineLimits(context.parameters));
 }
 
 }  // namespace
@@ -100,8 +115,9 @@ void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext
   std::vector<std::vector<StereoPoint>> parts(static_cast<std::size_t>(threads->numParts()));
   threads->runParts(matches.size(), [&](int part, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const std::optional<StereoPoint> point = triangulate(frame->features, matches[i], context);
-      if (point) parts[static_cast<std::size_t>(part)].push_back(*point);
+      std::optional<StereoPoint> point = align(frame->features, matches[i], context);
+      if (point && triangulate(*frame, context, &*point))
+        parts[static_cast<std::size_t>(part)].push_back(*point);
     }
   });
   for (const std::vector<StereoPoint>& part : parts)
@@ -110,15 +126,9 @@ void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext
 
 void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext& context,
                       StereoFrame* frame) {
-  const DetectedFeatures& features = frame->features;
-  const LineTriangulationLimits limits = lineLimits(context.parameters);
   for (const IndexPair& match : matches) {
-    const LineFeature& left = features.lines_left[match.first];
-    const LineSegment right = context.correction.apply(features.lines_right[match.second].segment);
-    const double sigma_px = lineSigma(context, left.segment, right, left.scale);
-    frame->lines.push_back(
-        {match.first, match.second,
-         triangulateLine(context.camera, left.segment, right, sigma_px, limits)});
+    frame->lines.push_back({match.first, match.second,
+                            triangulate(frame->features, match.first, match.second, context)});
   }
 }
 
@@ -126,6 +136,19 @@ void triangulateMatches(const StereoMatches& matches, const FrameContext& contex
                         ThreadPool* threads, StereoFrame* frame) {
   triangulatePoints(matches.points, context, threads, frame);
   triangulateLines(matches.lines, context, frame);
+}
+
+void triangulateAgain(const FrameContext& context, StereoFrame* frame) {
+  for (std::vector<StereoPoint>* points : {&frame->points, &frame->resting_points}) {
+    std::vector<StereoPoint> located;
+    located.reserve(points->size());
+    for (StereoPoint& point : *points) {
+      if (triangulate(*frame, context, &point)) located.push_back(point);
+    }
+    *points = std::move(located);
+  }
+  for (StereoLine& line : frame->lines)
+    line.triangulated = triangulate(frame->features, line.left, line.right, context);
 }
 
 }  // namespace point_line_odometry
