@@ -9,12 +9,12 @@
 #include <functional>
 #include <iostream>
 #include <opencv2/core.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
 #include "failing_allocator.h"
+#include "knocked_camera.h"
 #include "odometry/uncertainty.h"
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/parameters.h"
@@ -328,28 +328,13 @@ TEST(Faults, FasterThanAnythingIsRejected) {
 
 // --- A right camera that was knocked
 
-/// The images of a right camera that was turned since it was calibrated.
-StereoImages turned(StereoImages images, const Vector3d& rotation_deg) {
-  Eigen::Matrix3d K;
-  K << kCamera.fx, 0.0, kCamera.cx, 0.0, kCamera.fy, kCamera.cy, 0.0, 0.0, 1.0;
-  const Eigen::Matrix3d H =
-      K * transform(rotation_deg * M_PI / 180.0, Vector3d::Zero()).linear() * K.inverse();
-  cv::Mat homography;
-  cv::eigen2cv(H, homography);
-  cv::Mat right;
-  cv::warpPerspective(images.right, right, homography, images.right.size(), cv::INTER_LINEAR,
-                      cv::BORDER_REPLICATE);
-  images.right = right;
-  return images;
-}
-
 /// From the first motion on.
 TEST(KnockedCamera, IsCorrectedByItsVerticalDisparities) {
   for (const Vector3d& rotation_deg : {Vector3d(0.0, 0.0, 0.0), Vector3d(0.0, 0.0, 0.2),
                                        Vector3d(0.1, 0.0, 0.0), Vector3d(0.0, 0.0, -0.8)}) {
     StereoOdometry odometry(kCamera, synthetic::roomParameters());
     for (int k = 0; k < 30; ++k) {
-      const FrameResult result = odometry.process(turned(drive(k), rotation_deg));
+      const FrameResult result = odometry.process(knocked(drive(k), kCamera, rotation_deg));
       if (k > 0) {
         EXPECT_EQ(result.state, TrackingState::kOk) << k;
       }
@@ -359,6 +344,22 @@ TEST(KnockedCamera, IsCorrectedByItsVerticalDisparities) {
       EXPECT_LT(error_rad, k < 2 ? 4e-4 : 3e-3) << rotation_deg.transpose() << ", frame " << k;
     }
   }
+}
+
+/// Also between the first motions, where one waits for the next and the map starts anew.
+TEST(KnockedCamera, ContinuesFromASavedState) {
+  const auto images = [](int k) { return knocked(drive(k), kCamera, Vector3d(0.2, 0.4, -0.3)); };
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  StereoOdometry restored(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 12; ++k) {
+    restored.restoreState(odometry.saveState());
+    const FrameResult expected = odometry.process(images(k));
+    const FrameResult result = restored.process(images(k));
+    EXPECT_EQ(result.state, expected.state) << k;
+    EXPECT_EQ(result.T_odom_camera.matrix(), expected.T_odom_camera.matrix()) << k;
+    EXPECT_EQ(restored.correction().u, odometry.correction().u) << k;
+  }
+  EXPECT_GT(odometry.correction().u.cwiseAbs().maxCoeff(), 0.5);
 }
 
 // --- Images that come again

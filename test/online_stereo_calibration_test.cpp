@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "motion/correspondence.h"
@@ -47,8 +48,12 @@ class DistortedDrive {
     calibration.addVerticalDisparities(samples, sigma_px_);
   }
 
-  /// A frame's motion, estimated with the correction so far.
   void addMotion(const std::optional<double>& share_of_new = 1.0) {
+    calibration.addMotion(motion(), share_of_new);
+  }
+
+  /// What a frame's motion shows, estimated with the correction so far.
+  CalibrationEvidence motion() {
     const Vector3d translation{random_.uniform(-0.1, 0.1), random_.uniform(-0.1, 0.1),
                                random_.uniform(-1.2, -0.6)};
     const Vector3d rotation{random_.uniform(-0.02, 0.02), random_.uniform(-0.05, 0.05),
@@ -72,8 +77,19 @@ class DistortedDrive {
       matches.points.push_back(match);
     }
     const MotionEstimate motion = estimateMotion(matches, camera, ground_truth, {});
-    ASSERT_TRUE(motion.ok());
-    calibration.addMotion(matches, motion, {}, share_of_new);
+    EXPECT_TRUE(motion.ok());
+    const auto evidence =
+        calibrationEvidence(matches, motion, {}, camera, calibration.correction());
+    EXPECT_TRUE(evidence);
+    return evidence.value_or(CalibrationEvidence());
+  }
+
+  /// The displacement by a yaw that moves the principal point by so much.
+  StereoCorrection::Coefficients byYaw(double px) const {
+    const double k = 0.5 * camera.width / camera.fx;
+    StereoCorrection::Coefficients u;
+    u << px * (1.0 + k * k / 3.0), 0.0, 0.0, px * k * k, 0.0, 0.0;
+    return u;
   }
 
   const StereoCamera camera = synthetic::camera();
@@ -122,16 +138,21 @@ TEST(OnlineStereoCalibration, VerticalOffsetIsEstimatedWithinAFewFrames) {
   EXPECT_LT((drive.calibration.correction().v - drive.error.v).cwiseAbs().maxCoeff(), 0.03);
 }
 
-/// The rows show how the right camera is turned about its axis and tilted, and so what that does to
-/// the columns, before the camera has moved.
-TEST(OnlineStereoCalibration, RollAndPitchAreCorrectedInBothCoordinates) {
+/// The rows show how the right camera is turned about its axis and tilted, and how its focal length
+/// differs, and so what that does to the columns, before the camera has moved.
+TEST(OnlineStereoCalibration, RollPitchAndFocalLengthAreCorrectedInBothCoordinates) {
   const StereoCamera camera = synthetic::camera();
   const Vector3d baseline(camera.baseline_m, 0.0, 0.0);
-  for (const Vector3d& rotation :
-       {Vector3d(0.0, 0.0, 0.005), Vector3d(0.003, 0.0, 0.0), Vector3d(-0.002, 0.0, -0.003)}) {
+  const Vector2d centre(camera.cx, camera.cy);
+  for (const auto& [rotation, focal_length] : {std::pair{Vector3d(0.0, 0.0, 0.005), 1.0},
+                                               {Vector3d(0.003, 0.0, 0.0), 1.0},
+                                               {Vector3d(-0.002, 0.0, -0.003), 1.0},
+                                               {Vector3d(0.0, 0.0, 0.0), 1.004},
+                                               {Vector3d(0.002, 0.0, -0.003), 0.996}}) {
     const Isometry3d turn = synthetic::transform(rotation, Vector3d::Zero());
-    const auto seen = [&](const Vector3d& p) {
-      return camera.projectRight(turn * (p - baseline) + baseline);
+    const double scale = focal_length;
+    const auto seen = [&, turn, scale](const Vector3d& p) -> Vector2d {
+      return centre + scale * (camera.projectRight(turn * (p - baseline) + baseline) - centre);
     };
     OnlineStereoCalibration calibration(camera);
     synthetic::Random random(5);
@@ -220,21 +241,65 @@ TEST(OnlineStereoCalibration, FramesAreWeightedByTheCubeOfTheShareOfNewFeatures)
 }
 
 /// As the first frame of a map: it counts as much as the next one.
-TEST(OnlineStereoCalibration, AFrameWithAnUnknownShareOfNewFeaturesWaitsForTheNextOne) {
-  constexpr double kShare =
-      0.0001;  // so small that the correction has no effect on the observations
-  const auto estimated = [](const std::vector<std::optional<double>>& shares) {
-    DistortedDrive drive(9);
-    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
-    for (const auto& share : shares) drive.addMotion(share);
-    return drive.calibration.correction().u;
+TEST(OnlineStereoCalibration, AnUnknownShareOfNewFeaturesIsAssumedUntilThatOfTheNextMotion) {
+  DistortedDrive drive(9);
+  drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0;
+  const CalibrationEvidence motion = drive.motion();
+  const auto estimated = [&](const std::vector<std::optional<double>>& shares) {
+    OnlineStereoCalibration calibration(drive.camera);
+    for (const auto& share : shares) calibration.addMotion(motion, share);
+    return calibration.correction().u;
   };
-  EXPECT_EQ(estimated({std::nullopt}), StereoCorrection::Coefficients::Zero());
-  EXPECT_TRUE(estimated({std::nullopt, kShare}).isApprox(estimated({kShare, kShare}), 1e-3));
-  EXPECT_FALSE(estimated({std::nullopt, kShare}).isApprox(estimated({kShare}), 0.1)) << "it counts";
-  EXPECT_TRUE(
-      estimated({std::nullopt, kShare, kShare}).isApprox(estimated({kShare, kShare, kShare}), 1e-3))
-      << "once";
+  constexpr double kAssumed = 0.35;
+  constexpr double kKnown = 0.2;
+  EXPECT_TRUE(estimated({std::nullopt}).isApprox(estimated({kAssumed})));
+  EXPECT_TRUE(estimated({std::nullopt, kKnown}).isApprox(estimated({kKnown, kKnown})));
+  EXPECT_TRUE(estimated({std::nullopt, std::nullopt, kKnown})
+                  .isApprox(estimated({kAssumed, kKnown, kKnown})));
+  EXPECT_FALSE(estimated({std::nullopt}).isApprox(estimated({kKnown}), 0.1)) << "it matters";
+}
+
+/// A prior of 0.08 px holds the offset of a calibrated camera.
+TEST(OnlineStereoCalibration, AYawIsCorrectedByAFewMotions) {
+  for (const double yaw_px : {0.7, -2.0, 5.0}) {
+    DistortedDrive drive(11);
+    drive.error.u = drive.byYaw(yaw_px);
+    for (int frame = 0; frame < 8; ++frame) drive.addMotion();
+    const StereoCorrection& correction = drive.calibration.correction();
+    EXPECT_LT((correction.u - drive.error.u).cwiseAbs().maxCoeff(), 0.15) << yaw_px;
+  }
+}
+
+/// It is larger while a yaw is known from little.
+TEST(OnlineStereoCalibration, TheErrorOfDisparitiesIsThatOfTheYaw) {
+  constexpr double kYawPx = 2.0;
+  constexpr double kLittle = 0.2;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    DistortedDrive drive(seed);
+    EXPECT_EQ(drive.calibration.correction().disparity_error_px, StereoCorrection::kCalibratedPx);
+    drive.addMotion(kLittle);
+    EXPECT_EQ(drive.calibration.correction().disparity_error_px, StereoCorrection::kCalibratedPx);
+    drive.calibration = OnlineStereoCalibration(drive.camera);
+    drive.error.u = drive.byYaw(kYawPx);
+    for (int frame = 0; frame < 6; ++frame) drive.addMotion(kLittle);
+    const StereoCorrection at_first = drive.calibration.correction();
+    EXPECT_GT(at_first.disparity_error_px, 2.0 * StereoCorrection::kCalibratedPx) << seed;
+    EXPECT_LT(std::abs(at_first.u(0) - drive.error.u(0)), 4.0 * at_first.disparity_error_px)
+        << seed;
+    for (int frame = 0; frame < 10; ++frame) drive.addMotion(1.0);
+    EXPECT_LT(drive.calibration.correction().disparity_error_px, at_first.disparity_error_px);
+  }
+}
+
+/// Motions with few new features say little of the offset.
+TEST(OnlineStereoCalibration, NoiseOfMotionsIsNoYaw) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    DistortedDrive drive(seed);
+    for (int frame = 0; frame < 20; ++frame) {
+      drive.addMotion(frame < 10 ? 0.1 : 0.3);
+      EXPECT_LT(drive.calibration.correction().u.cwiseAbs().maxCoeff(), 0.06) << seed;
+    }
+  }
 }
 
 TEST(OnlineStereoCalibration, ConvergesFromBothSides) {
@@ -286,17 +351,18 @@ TEST(OnlineStereoCalibration, AdaptsToAChange) {
 }
 
 TEST(OnlineStereoCalibration, WithoutDataTheEstimateIsUnchanged) {
-  OnlineStereoCalibration calibration(synthetic::camera());
+  const StereoCamera camera = synthetic::camera();
+  OnlineStereoCalibration calibration(camera);
   calibration.addVerticalDisparities({}, kSigmaPx);
-  calibration.addMotion({}, {}, {}, 1.0);
-  MotionEstimate motion;
-  motion.status = MotionStatus::kOk;
-  calibration.addMotion({}, motion, {}, 1.0);
+  const auto nothing = calibrationEvidence({}, {}, {}, camera, calibration.correction());
+  ASSERT_TRUE(nothing);
+  calibration.addMotion(*nothing, 1.0);
   EXPECT_EQ(calibration.correction().u, StereoCorrection::Coefficients::Zero());
   EXPECT_EQ(calibration.correction().v, StereoCorrection::Coefficients::Zero());
+  EXPECT_EQ(calibration.correction().disparity_error_px, StereoCorrection::kCalibratedPx);
 }
 
-TEST(OnlineStereoCalibration, OutliersOfTheMotionAreIgnored) {
+TEST(CalibrationEvidence, IsOfTheInliers) {
   const StereoCamera camera = synthetic::camera();
   Correspondences matches = synthetic::matches(camera, synthetic::motion(), {60, 0}, 8);
   MotionEstimate motion = estimateMotion(matches, camera, synthetic::motion(), {});
@@ -306,18 +372,19 @@ TEST(OnlineStereoCalibration, OutliersOfTheMotionAreIgnored) {
     motion.point_inliers[i] = false;
   }
   OnlineStereoCalibration calibration(camera);
-  calibration.addMotion(matches, motion, {}, 1.0);
+  const auto evidence = calibrationEvidence(matches, motion, {}, camera, calibration.correction());
+  ASSERT_TRUE(evidence);
+  EXPECT_GT(evidence->information.trace(), 0.0);
+  calibration.addMotion(*evidence, 1.0);
   EXPECT_LT(calibration.correction().u.cwiseAbs().maxCoeff(), 1e-6);
 }
 
-TEST(OnlineStereoCalibration, IgnoresInvalidData) {
+TEST(CalibrationEvidence, InvalidDataShowNothing) {
   const StereoCamera camera = synthetic::camera();
   Correspondences matches = synthetic::matches(camera, synthetic::motion(), {60, 0}, 9);
   const MotionEstimate motion = estimateMotion(matches, camera, synthetic::motion(), {});
   matches.points[0].left_px.x() = std::numeric_limits<double>::quiet_NaN();
-  OnlineStereoCalibration calibration(camera);
-  calibration.addMotion(matches, motion, {}, 1.0);
-  EXPECT_TRUE(calibration.correction().u.allFinite());
+  EXPECT_FALSE(calibrationEvidence(matches, motion, {}, camera, StereoCorrection(camera)));
 }
 
 }  // namespace

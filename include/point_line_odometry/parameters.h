@@ -299,8 +299,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/standstill_hold", p.tracking.standstill_hold,
         "keep the published pose fixed while the estimated motion is within its noise");
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
-        "online stereo calibration: estimate and correct a small smooth displacement of the right "
-        "image");
+        "online stereo calibration: estimate and correct a smooth displacement of the right image, "
+        "also of a camera that was knocked");
   visit(
       "tracking/min_megapixels", p.tracking.min_megapixels, 0.0, 1.0, "Mpx",
       "smaller images are processed at twice, three times, ... their size, which takes longer; 0: "

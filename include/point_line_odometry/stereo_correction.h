@@ -8,12 +8,14 @@
 
 namespace point_line_odometry {
 
-/// Small smooth displacement of the right image against its calibration: quadratic polynomials of
+/// Smooth displacement of the right image against its calibration: quadratic polynomials of
 /// the pixel for each coordinate. They span, to first order, the displacement by an error of the
 /// right camera's rotation, principal point, focal length or tangential distortion.
 class StereoCorrection {
  public:
   static constexpr int kTerms = 6;  ///< number of monomials of a polynomial
+  /// disparity_error_px of a camera that is calibrated, and corrected online.
+  static constexpr double kCalibratedPx = 0.05;
   /// Coefficients of the monomials [px].
   using Coefficients = Eigen::Matrix<double, kTerms, 1>;
 
@@ -34,11 +36,13 @@ class StereoCorrection {
   Coefficients u = Coefficients::Zero();  ///< horizontal displacement: a bias of the disparity
   Coefficients v =
       Coefficients::Zero();  ///< vertical displacement: a bias of the vertical disparity
+  /// Standard deviation of an error that all corrected disparities have in common [px].
+  double disparity_error_px = kCalibratedPx;
 
   /// All members, for StereoOdometry::saveState().
   auto state() {
-    auto& [u_of_this, v_of_this, centre, scale] = *this;
-    return std::tie(u_of_this, v_of_this, centre, scale);
+    auto& [u_of_this, v_of_this, disparity_error, centre, scale] = *this;
+    return std::tie(u_of_this, v_of_this, disparity_error, centre, scale);
   }
 
  private:

@@ -121,10 +121,12 @@ LandmarkMatches LocalMap::find(const StereoFrame& frame, const FrameContext& con
   return landmark_matches;
 }
 
-Correspondences LocalMap::correspondences(const LandmarkMatches& landmark_matches) const {
+Correspondences LocalMap::correspondences(const LandmarkMatches& landmark_matches,
+                                          const StereoCorrection& correction) const {
   const Eigen::Isometry3d T_previous_map = T_map_previous_.inverse();
   const Eigen::Matrix3d& R = T_previous_map.linear();
   Correspondences correspondences;
+  correspondences.disparity_error_px = correction.disparity_error_px;
   correspondences.points.reserve(landmark_matches.points.size());
   for (const LandmarkMatches::Point& point : landmark_matches.points) {
     const PointEstimate& estimate = points_[point.landmark].estimate;

@@ -45,7 +45,8 @@ class LocalMap {
                        const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const;
 
   /// The matches as correspondences for the motion since the previous frame.
-  Correspondences correspondences(const LandmarkMatches& landmark_matches) const;
+  Correspondences correspondences(const LandmarkMatches& landmark_matches,
+                                  const StereoCorrection& correction) const;
 
   /// Adds a frame, which becomes the previous one: updates the landmarks of inlier matches, adds
   /// new landmarks where there are few, and makes it a keyframe if it observes few landmarks of the

@@ -8,6 +8,7 @@
 #include "features/features.h"
 #include "features/image_pyramid.h"
 #include "geometry/triangulation.h"
+#include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -44,6 +45,7 @@ struct StereoFrame {
   ImagePyramid left_image;  ///< a copy: the next frames align its patches
   cv::Mat right_image;      ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
+  StereoCorrection correction;  ///< with which points and lines are located
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
   /// Points that are not tracked, as features rest there while the scene moves.

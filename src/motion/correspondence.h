@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
@@ -55,6 +56,8 @@ inline Eigen::Vector2d pixelOf(const LineCorrespondence& line) {
 struct Correspondences {
   std::vector<PointCorrespondence> points;
   std::vector<LineCorrespondence> lines;
+  /// Standard deviation of an error that all disparities have in common, as StereoCorrection's.
+  double disparity_error_px = StereoCorrection::kCalibratedPx;
 };
 
 }  // namespace point_line_odometry

@@ -17,7 +17,7 @@ namespace point_line_odometry {
 struct FrameContext {
   const StereoImages& images;  ///< painted by the masks
   const StereoCamera& camera;
-  const StereoCorrection& correction;  ///< of pixels in the right image
+  StereoCorrection correction;  ///< of pixels in the right image
   const Parameters& parameters;
   NoiseScale noise = {};
   FrameIntervals intervals = {};  ///< of the frames before

@@ -11,10 +11,6 @@ namespace {
 // Prior of the variance factor: counts as this many residuals of variance 1.
 constexpr double kPriorResiduals = 20.0;
 
-// Standard deviation of an error that all disparities have in common once the calibration is
-// estimated online. It does not average out over a frame's points.
-constexpr double kCalibrationPx = 0.05;
-
 // Share of a point's noise that comes from the pixels of the current image. The other half is that
 // of the patch, which is another image's.
 constexpr double kNoiseOfImage = 0.5;
@@ -129,7 +125,7 @@ Matrix6d motionCovariance(const ResidualStatistics& statistics,
   const Matrix6d inverse = equations.covariance(&gain);
   const double scale =
       varianceFactor(statistics) * (1.0 + kVarianceOfFewMatches / std::max(statistics.matches, 1));
-  const Vector6d calibration_error = kCalibrationPx * gain * equations.by_disparity;
+  const Vector6d calibration_error = statistics.disparity_error_px * gain * equations.by_disparity;
   const Matrix6d of_perturbation =
       scale * inverse + calibration_error * calibration_error.transpose();
 

@@ -73,9 +73,13 @@ class ImageInformation {
 /// loss. Residuals of far points, whose depths are hardly known, are smaller than their covariances
 /// say; the noise of the others does not follow from them.
 struct ResidualStatistics {
-  explicit ResidualStatistics(const StereoCamera& camera) : information(camera) {}
+  /// \param disparity_error that all disparities have in common: its standard deviation [px]. It
+  /// does not average out over a frame's points.
+  ResidualStatistics(const StereoCamera& camera, double disparity_error)
+      : information(camera), disparity_error_px(disparity_error) {}
 
   ImageInformation information;
+  double disparity_error_px;
   double sum_psi2 = 0.0;            ///< of psi(r)^2
   double sum_weights = 0.0;         ///< of the Huber weights, of all rows
   double sum_psi_derivative = 0.0;  ///< of psi'(r), of all rows

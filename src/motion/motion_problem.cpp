@@ -28,6 +28,7 @@ class MotionProblemOf final : public MotionProblem {
       : MotionProblem(camera, prior),
         parameters_(parameters),
         threads_(threads),
+        disparity_error_px_(correspondences.disparity_error_px),
         points_(correspondences.points, camera),
         lines_(correspondences.lines, camera) {}
 
@@ -156,7 +157,7 @@ class MotionProblemOf final : public MotionProblem {
   }
 
   ResidualStatistics statistics(const Eigen::Isometry3d& T_curr_prev) const override {
-    ResidualStatistics statistics(camera());
+    ResidualStatistics statistics(camera(), disparity_error_px_);
     const auto add = [&](const auto& residual, const auto& sqrt_information, const auto& match,
                          ResidualHistogram* histogram) {
       const auto whitened = (sqrt_information * residual.value).eval();
@@ -255,6 +256,7 @@ class MotionProblemOf final : public MotionProblem {
 
   const MotionParameters& parameters_;
   ThreadPool* threads_;
+  double disparity_error_px_;
   WeightedMatches<PointResidual<kImages>> points_;
   WeightedMatches<LineResidual<kImages>> lines_;
 };

@@ -23,12 +23,21 @@ struct CalibrationEvidence {
   auto state() { return std::tie(information, vector); }
 };
 
+/// What the residuals of a motion's inlier points say at the estimate, with the motion marginalised
+/// out. \param correction with which they were observed. Nothing if they are not finite.
+std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& correspondences,
+                                                       const MotionEstimate& motion,
+                                                       const MotionParameters& parameters,
+                                                       const StereoCamera& camera,
+                                                       const StereoCorrection& correction);
+
 /// Estimates the correction of the right image while the odometry runs. Vertical disparities
 /// measure v directly. A bias of the disparity, u, is observable when the camera moves: the
 /// triangulated depths then disagree with the optical flow. Each frame adds its information on the
-/// coefficients, with the motion marginalised out; old information decays exponentially. A right
-/// camera that is turned about its axis or tilted displaces both coordinates: where v shows more of
-/// that than lenses explain, u is expected to be the rest of it, before the camera has moved.
+/// coefficients; old information decays exponentially. A calibrated camera has a small u. One that
+/// was knocked has that of a rotation: roll and pitch displace rows, too, as does another focal
+/// length; where v shows more of that than lenses explain, u is expected to be the rest of it,
+/// before the camera has moved. A yaw is taken from the motions.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -46,13 +55,11 @@ class OnlineStereoCalibration {
   /// Whether any frame has shown v.
   bool knowsVertical() const;
 
-  /// Adds one frame's motion: residuals of the inlier points at the estimate. \param share_of_new
-  /// share of new features in the frame, 0 ... 1. Its cube weights the frame: tracked points repeat
-  /// their errors, and errors common to all points bias the disparity more the less the camera
-  /// moves. Nothing if unknown, as for the first motion of a map: then that of the next motion is
-  /// used.
-  void addMotion(const Correspondences& correspondences, const MotionEstimate& motion,
-                 const MotionParameters& parameters, const std::optional<double>& share_of_new);
+  /// Adds one frame's motion. \param share_of_new share of new features in the frame, 0 ... 1. Its
+  /// cube weights the frame: tracked points repeat their errors, and errors common to all points
+  /// bias the disparity more the less the camera moves. Nothing if unknown, as for the first motion
+  /// of a map: then one is assumed until that of the next motion is known.
+  void addMotion(const CalibrationEvidence& evidence, const std::optional<double>& share_of_new);
 
   /// The estimate, for StereoOdometry::saveState(); the camera is not part of it.
   auto state();
@@ -75,8 +82,17 @@ class OnlineStereoCalibration {
     auto state() { return std::tie(prior, information, vector); }
   };
 
-  void add(const CalibrationEvidence& evidence, double share_of_new);
-  Coefficients expectedByRotation() const;
+  /// Yaw of the right camera: the displacement of the principal point, with its standard deviation.
+  struct Yaw {
+    double px = 0.0;
+    double sigma_px = 0.0;
+  };
+
+  void update();
+  double lensErrorPx() const;
+  Coefficients expectedByRows() const;
+  Coefficients byYaw() const;
+  Yaw yaw(const GaussianEstimate& u, const Coefficients& by_rows) const;
 
   StereoCamera camera_;
   StereoCorrection correction_;

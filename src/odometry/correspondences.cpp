@@ -64,6 +64,7 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
                                     const Eigen::Isometry3d& T_curr_earlier,
                                     const FrameContext& context, ThreadPool* threads) {
   Correspondences correspondences;
+  correspondences.disparity_error_px = context.correction.disparity_error_px;
   correspondences.points.resize(matches.points.size());
   const auto make_points = [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

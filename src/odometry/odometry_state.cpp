@@ -1,5 +1,6 @@
 #include "odometry/odometry_state.h"
 
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -7,13 +8,10 @@
 #include "map/new_landmarks.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/stage_timer.h"
+#include "odometry/stereo_triangulation.h"
 
 namespace point_line_odometry {
 namespace {
-
-// The share of new features assumed without a map: between the 6 % of a drone and the 65 % of a car
-// whose frames are 4 m apart.
-constexpr double kShareOfNewWithoutMap = 0.35;
 
 /// Whether frame k-2 will be needed, for the fusion of rotations.
 bool fusesRotation(const Parameters& parameters) {
@@ -36,10 +34,9 @@ bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
   return outlived && features >= parameters.motion.min_matches;
 }
 
-/// Of the features in the previous frame; nothing if its map has just been started.
+/// Of the features in the map's last frame; nothing without a map, or if it has just been started.
 std::optional<double> shareOfNew(const std::optional<LocalMap>& map) {
-  if (!map) return kShareOfNewWithoutMap;
-  if (map->shareOfNew() == 1.0) return std::nullopt;
+  if (!map || map->shareOfNew() == 1.0) return std::nullopt;
   return map->shareOfNew();
 }
 
@@ -62,6 +59,10 @@ bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParamet
 
 bool calibratesStereo(const Parameters& parameters) {
   return parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
+}
+
+bool differ(const StereoCorrection& a, const StereoCorrection& b) {
+  return std::abs(a.u(0) - b.u(0)) >= 3.0 * StereoCorrection::kCalibratedPx;
 }
 
 void OdometryState::update(StereoFrame curr, const FrameContext& context,
@@ -93,10 +94,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   }
   if (!calibratesStereo(parameters)) return;
   const StageTimer timer(times, Stage::kRefine);
-  if (measured && tracked.frame_to_frame.ok()) {  // first: its residuals are of the old correction
-    stereo_calibration.addMotion(tracked.correspondences, tracked.frame_to_frame, parameters.motion,
-                                 shareOfNew(history.map));
-  }
+  if (tracked.calibration)
+    stereo_calibration.addMotion(*tracked.calibration, shareOfNew(history.map));
   if (tracked.reason != TrackingReason::kRepeatedImages)
     stereo_calibration.addVerticalDisparities(vertical, parameters.motion.point_noise_px);
 }
@@ -182,6 +181,22 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
   restartMap(context.parameters);
   pose.loseVelocity();
   return true;
+}
+
+StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
+                                             const std::optional<CalibrationEvidence>& motion,
+                                             const Parameters& parameters) const {
+  OnlineStereoCalibration calibration = stereo_calibration;
+  if (motion) calibration.addMotion(*motion, shareOfNew(history.map));
+  calibration.addVerticalDisparities(verticalDisparities(curr), parameters.motion.point_noise_px);
+  return calibration.correction();
+}
+
+void OdometryState::followCorrection(const FrameContext& context) {
+  if (!history.previous || !differ(history.previous->correction, context.correction)) return;
+  triangulateAgain(context, &*history.previous);
+  history.before_previous.reset();
+  restartMap(context.parameters);
 }
 
 void OdometryState::returnToLostMap() {

@@ -39,6 +39,9 @@ bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParamet
 /// only.
 bool calibratesStereo(const Parameters& parameters);
 
+/// Whether all disparities differ by more than the common error of a calibrated camera.
+bool differ(const StereoCorrection& a, const StereoCorrection& b);
+
 /// The state between frames. A value: it is copied, assigned and saved as a whole.
 struct OdometryState {
   TrackingState tracking = TrackingState::kInitializing;
@@ -91,6 +94,15 @@ struct OdometryState {
   /// \param tracked of the current frame.
   bool leaveOutResting(const StereoFrame& curr, const FrameContext& context, ThreadPool* threads,
                        TrackingResult* tracked);
+
+  /// The correction of the right image as a frame and its motion will leave it.
+  StereoCorrection correctionBy(const StereoFrame& curr,
+                                const std::optional<CalibrationEvidence>& motion,
+                                const Parameters& parameters) const;
+
+  /// If the previous frame is located with another correction than the context's, it is located
+  /// again, and the map and the lost one are dropped.
+  void followCorrection(const FrameContext& context);
 
   /// Restores the lost map, in which the camera was relocalized.
   void returnToLostMap();

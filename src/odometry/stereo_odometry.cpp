@@ -1,6 +1,7 @@
 #include "point_line_odometry/stereo_odometry.h"
 
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -17,6 +18,7 @@
 #include "odometry/stage_timer.h"
 #include "odometry/state_archive.h"
 #include "odometry/stereo_frame_builder.h"
+#include "odometry/stereo_triangulation.h"
 #include "odometry/tilt.h"
 #include "odometry/window_adjustment.h"
 
@@ -25,6 +27,18 @@ namespace {
 
 void requireFinite(const Eigen::Isometry3d& pose) {
   if (!pose.matrix().allFinite()) throw std::invalid_argument("a pose of the camera is not finite");
+}
+
+/// What the frame-to-frame motion says about the right camera, if it is known.
+void addCalibrationEvidence(const FrameContext& context, TrackingResult* tracked,
+                            StageTimes* times) {
+  if (!calibratesStereo(context.parameters) || tracked->reason != TrackingReason::kNone ||
+      !tracked->frame_to_frame.ok())
+    return;
+  const StageTimer timer(times, Stage::kRefine);
+  tracked->calibration =
+      calibrationEvidence(tracked->correspondences, tracked->frame_to_frame,
+                          context.parameters.motion, context.camera, context.correction);
 }
 
 }  // namespace
@@ -66,9 +80,9 @@ class StereoOdometry::Impl {
 
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
-  StereoCorrection correctionBy(const StereoFrame& first) const;
   TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
                      FrameResult* result);
+  void recalibrate(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
   void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
   void giveUp(const char* error, const FramePrior& prior, FrameResult* result);
@@ -98,8 +112,7 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
                                    FrameResult* result) {
   const StereoMasks& masks_now = masks.of(received);
   const StereoImages images = masks_now.paint(received);
-  StereoCorrection correction = state.stereo_calibration.correction();
-  FrameContext context{images,     scaling.camera(), correction,
+  FrameContext context{images,     scaling.camera(), state.stereo_calibration.correction(),
                        parameters, state.noise,      state.intervals};
   context.masks = masks_now;
 
@@ -113,9 +126,10 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   }
   const StereoFrame detected = detectFeatures(&detector, context, threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
-    correction =
-        correctionBy(matchFeatures(detected, &detector, state.trackingStart(context, prior),
-                                   &context, threads.get(), &result->times));
+    const StereoFrame first =
+        matchFeatures(detected, &detector, state.trackingStart(context, prior), &context,
+                      threads.get(), &result->times);
+    context.correction = state.correctionBy(first, {}, parameters);
   }
   TrackedFrame curr = track(detected, context, prior, result);
   const PriorReport prior_report = curr.tracking.prior;
@@ -124,16 +138,10 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     return;
   }
   // Points of coarser levels were searched where the rejected prior predicted them.
+  context.correction = curr.context.correction;
   TrackedFrame without_prior = track(detected, context, {}, result);
   if (without_prior.tracking.image_motion) without_prior.tracking.prior = prior_report;
   update(std::move(without_prior), prior, result);
-}
-
-/// As the first frame that shows it will leave it: its landmarks need it, too.
-StereoCorrection StereoOdometry::Impl::correctionBy(const StereoFrame& first) const {
-  OnlineStereoCalibration calibration = state.stereo_calibration;
-  calibration.addVerticalDisparities(verticalDisparities(first), parameters.motion.point_noise_px);
-  return calibration.correction();
 }
 
 TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext context,
@@ -146,6 +154,7 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   finishWindow(result);
 
   // Match with the previous frame and the map, estimate the motion.
+  state.followCorrection(context);
   state.resting.leaveOut(&frame);
   TrackingResult tracking =
       trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
@@ -153,7 +162,41 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
     state.resting.leaveOut(&frame);
     tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
   }
-  return {std::move(context), std::move(frame), std::move(tracking)};
+  TrackedFrame tracked{std::move(context), std::move(frame), std::move(tracking)};
+  recalibrate(prior, &tracked, result);
+  return tracked;
+}
+
+/// Where a motion shows that the right camera was knocked, the landmarks of both frames are wrong,
+/// and so is the motion itself: it is estimated again with the correction that it shows, a few
+/// times at most, as it shows more of it then.
+void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tracked,
+                                       FrameResult* result) {
+  constexpr int kMaxTimes = 8;
+  addCalibrationEvidence(tracked->context, &tracked->tracking, &result->times);
+  for (int i = 0; i < kMaxTimes; ++i) {
+    const std::optional<CalibrationEvidence>& shown = tracked->tracking.calibration;
+    if (!shown || tracked->tracking.ambiguous) return;
+    const StereoCorrection used = tracked->context.correction;
+    const StereoCorrection correction = state.correctionBy(tracked->frame, shown, parameters);
+    if (!differ(correction, used)) return;
+    tracked->context.correction = correction;
+    OdometryState corrected = state;
+    corrected.followCorrection(tracked->context);
+    StereoFrame frame = tracked->frame;
+    triangulateAgain(tracked->context, &frame);
+    TrackingResult again =
+        trackOrRelocalize(corrected, frame, prior, tracked->context, threads.get(), &result->times);
+    addCalibrationEvidence(tracked->context, &again, &result->times);
+    if (!again.calibration) {
+      tracked->context.correction = used;
+      if (i == 0) tracked->tracking.calibration.reset();  // what it shows is refuted
+      return;
+    }
+    state = std::move(corrected);
+    tracked->frame = std::move(frame);
+    tracked->tracking = std::move(again);
+  }
 }
 
 /// Applies the bundle adjustment that ran meanwhile to the map.

@@ -134,11 +134,13 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
 
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame) {
+  frame->correction = context.correction;
   triangulatePoints(matches.points, context, threads, frame);
   triangulateLines(matches.lines, context, frame);
 }
 
 void triangulateAgain(const FrameContext& context, StereoFrame* frame) {
+  frame->correction = context.correction;
   for (std::vector<StereoPoint>* points : {&frame->points, &frame->resting_points}) {
     std::vector<StereoPoint> located;
     located.reserve(points->size());

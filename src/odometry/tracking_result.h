@@ -9,6 +9,7 @@
 #include "matching/stereo_frame.h"
 #include "motion/correspondence.h"
 #include "motion/motion_estimator.h"
+#include "motion/online_stereo_calibration.h"
 #include "point_line_odometry/frame_result.h"
 #include "point_line_odometry/motion_prior.h"
 
@@ -48,6 +49,8 @@ struct TrackingResult {
   std::optional<ImageMotion> image_motion;
   PriorReport prior;
   LandmarkMatches landmark_matches;
+  /// What frame_to_frame says about the right camera.
+  std::optional<CalibrationEvidence> calibration;
   /// The motion has weakly constrained axes, for which it was fused with the prediction.
   bool weak = false;
   /// The features found may rest on the robot's own body: the covariance covers the motion of a
