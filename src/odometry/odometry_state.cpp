@@ -61,8 +61,8 @@ bool calibratesStereo(const Parameters& parameters) {
   return parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
 }
 
-bool differ(const StereoCorrection& a, const StereoCorrection& b) {
-  return std::abs(a.u(0) - b.u(0)) >= 3.0 * StereoCorrection::kCalibratedPx;
+double commonDifference(const StereoCorrection& a, const StereoCorrection& b) {
+  return std::abs(a.u(0) - b.u(0));
 }
 
 void OdometryState::update(StereoFrame curr, const FrameContext& context,
@@ -192,11 +192,16 @@ StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
   return calibration.correction();
 }
 
-void OdometryState::followCorrection(const FrameContext& context) {
-  if (!history.previous || !differ(history.previous->correction, context.correction)) return;
+void OdometryState::locateAgain(const FrameContext& context) {
   triangulateAgain(context, &*history.previous);
   history.before_previous.reset();
   restartMap(context.parameters);
+}
+
+void OdometryState::followCorrection(const FrameContext& context) {
+  if (!history.previous) return;
+  const double difference_px = commonDifference(history.previous->correction, context.correction);
+  if (difference_px >= kOtherDisparityPx) locateAgain(context);
 }
 
 void OdometryState::returnToLostMap() {

@@ -39,8 +39,11 @@ bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParamet
 /// only.
 bool calibratesStereo(const Parameters& parameters);
 
-/// Whether all disparities differ by more than the common error of a calibrated camera.
-bool differ(const StereoCorrection& a, const StereoCorrection& b);
+/// By how much the disparities of all points differ with another correction [px].
+double commonDifference(const StereoCorrection& a, const StereoCorrection& b);
+
+/// A difference with which landmarks are wrong: three standard deviations of a calibrated camera's.
+constexpr double kOtherDisparityPx = 3.0 * StereoCorrection::kCalibratedPx;
 
 /// The state between frames. A value: it is copied, assigned and saved as a whole.
 struct OdometryState {
@@ -100,8 +103,11 @@ struct OdometryState {
                                 const std::optional<CalibrationEvidence>& motion,
                                 const Parameters& parameters) const;
 
-  /// If the previous frame is located with another correction than the context's, it is located
-  /// again, and the map and the lost one are dropped.
+  /// Locates the previous frame again with the context's correction, and drops the map and the lost
+  /// one.
+  void locateAgain(const FrameContext& context);
+
+  /// The same if it is located with another correction.
   void followCorrection(const FrameContext& context);
 
   /// Restores the lost map, in which the camera was relocalized.

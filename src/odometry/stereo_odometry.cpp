@@ -168,8 +168,8 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
 }
 
 /// Where a motion shows that the right camera was knocked, the landmarks of both frames are wrong,
-/// and so is the motion itself: it is estimated again with the correction that it shows, a few
-/// times at most, as it shows more of it then.
+/// and so is the motion itself: it is estimated again with the correction that it shows. It shows
+/// more of it then: so again, until that is known as well as a calibrated camera's, or a few times.
 void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tracked,
                                        FrameResult* result) {
   constexpr int kMaxTimes = 8;
@@ -179,10 +179,11 @@ void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tr
     if (!shown || tracked->tracking.ambiguous) return;
     const StereoCorrection used = tracked->context.correction;
     const StereoCorrection correction = state.correctionBy(tracked->frame, shown, parameters);
-    if (!differ(correction, used)) return;
+    const double least_px = i == 0 ? kOtherDisparityPx : StereoCorrection::kCalibratedPx;
+    if (commonDifference(correction, used) < least_px) return;
     tracked->context.correction = correction;
     OdometryState corrected = state;
-    corrected.followCorrection(tracked->context);
+    corrected.locateAgain(tracked->context);
     StereoFrame frame = tracked->frame;
     triangulateAgain(tracked->context, &frame);
     TrackingResult again =
