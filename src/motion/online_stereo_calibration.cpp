@@ -39,11 +39,10 @@ StereoCorrection::Coefficients disparitySigma() {
   return sigma;
 }
 
-// Standard deviation of what else than a rotation or another focal length displaces rows by a
-// constant (the principal point) or in proportion to x or y, and columns by a constant [px].
+// Standard deviation of what else than a rotation or another focal length displaces rows and
+// columns by a constant (the principal point), and rows in proportion to x or y [px].
 constexpr double kPrincipalPointPx = 0.3;
 constexpr double kShearPx = 0.05;
-constexpr double kOffsetPx = 0.15;
 
 // The noise of the yaw by the motions counts as so much: taken for a yaw, it costs a calibrated
 // camera more than a later correction costs a knocked one.
@@ -233,7 +232,8 @@ OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const GaussianEstimate
   const Coefficients unexplained = u.vector - (u.information - u.prior) * by_rows;
   const double measured_px = weighted.dot(solver.solve(unexplained)) / information;
   const double noise_px = kNoiseOfYaw / std::sqrt(information);
-  const double gain = bayesGain(measured_px, std::hypot(noise_px, lensErrorPx(), kOffsetPx));
+  const double gain =
+      bayesGain(measured_px, std::hypot(noise_px, lensErrorPx(), kPrincipalPointPx));
   return {gain * measured_px, std::sqrt(gain) * noise_px};
 }
 
