@@ -52,10 +52,6 @@ constexpr double kNoiseOfYaw = 1.5;
 // a car whose frames are 4 m apart.
 constexpr double kAssumedShareOfNew = 0.35;
 
-/// One factor is for the points that repeat their errors, two for the error that all have in
-/// common: on the disparity it acts inversely to the motion, and on the information by its square.
-double weightOf(double share_of_new) { return std::pow(share_of_new, 3); }
-
 /// A quantity about zero of unknown variance, measured with an error of this standard deviation:
 /// the share of the measurement that is its empirical Bayes estimate, and the share of the error's
 /// variance that remains. Zero where the error explains the measurement.
@@ -74,6 +70,14 @@ void OnlineStereoCalibration::GaussianEstimate::add(const Information& more_info
   const double fading = 1.0 - 1.0 / kMemoryFrames;
   information = prior + fading * (information - prior) + more_information;
   vector = fading * vector + more_vector;
+}
+
+/// One factor is for the points that repeat their errors, two for the error that all have in
+/// common: on the disparity it acts inversely to the motion, and on the information by its square.
+void OnlineStereoCalibration::GaussianEstimate::add(const CalibrationEvidence& motion,
+                                                    double share_of_new) {
+  const double weight = std::pow(share_of_new, 3);
+  add(weight * motion.information, weight * motion.vector);
 }
 
 StereoCorrection::Coefficients OnlineStereoCalibration::GaussianEstimate::mean(
@@ -161,22 +165,19 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 
 void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
                                         const std::optional<double>& share_of_new) {
-  const double weight = weightOf(share_of_new.value_or(kAssumedShareOfNew));
-  if (waiting_) u_.add(weight * waiting_->information, weight * waiting_->vector);
-  if (share_of_new) u_.add(weight * evidence.information, weight * evidence.vector);
+  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew));
+  if (share_of_new) u_.add(evidence, *share_of_new);
   waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
   update();
 }
 
 void OnlineStereoCalibration::update() {
   GaussianEstimate u = u_;
-  const double weight = weightOf(kAssumedShareOfNew);
-  if (waiting_) u.add(weight * waiting_->information, weight * waiting_->vector);
+  if (waiting_) u.add(*waiting_, kAssumedShareOfNew);
   const Coefficients by_rows = expectedByRows();
   const Yaw yaw = this->yaw(u, by_rows);
-  correction_.u = u.mean(by_rows + yaw.px * byYaw());
-  correction_.disparity_error_px =
-      std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px * byYaw()[0]);
+  correction_.u = u.mean(by_rows + yaw.u);
+  correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px);
 }
 
 bool OnlineStereoCalibration::knowsVertical() const {
@@ -193,14 +194,14 @@ double OnlineStereoCalibration::lensErrorPx() const {
 }
 
 /// To first order a roll w displaces a pixel (x, y) from the principal point by w (-y fx / fy,
-/// x fy / fx), a pitch w by w (x y / fy, fy + y^2 / fy), and a focal length larger by the factor 1
-/// + s by s (x, y). The rows cannot tell a yaw from what lenses do.
+/// x fy / fx), a pitch w by w (x y / fy, fy + y^2 / fy), and a focal length longer by the share s
+/// by s (x, y). The rows cannot tell a yaw from what lenses do.
 StereoCorrection::Coefficients OnlineStereoCalibration::expectedByRows() const {
   const Coefficients& v = correction_.v;
   const Coefficients variance = v_.information.inverse().diagonal();
+  const double lens_px = lensErrorPx();
   const auto shown = [&](int term, double other_px) {
-    return v[term] *
-           bayesGain(v[term], std::hypot(std::sqrt(variance[term]), lensErrorPx(), other_px));
+    return v[term] * bayesGain(v[term], std::hypot(std::sqrt(variance[term]), lens_px, other_px));
   };
   const double aspect = camera_.fx / camera_.fy;
   const double k = 0.5 * camera_.width / camera_.fy;
@@ -211,20 +212,15 @@ StereoCorrection::Coefficients OnlineStereoCalibration::expectedByRows() const {
   return u;
 }
 
-/// To first order a yaw w displaces columns by w (fx + x^2 / fx).
-StereoCorrection::Coefficients OnlineStereoCalibration::byYaw() const {
-  const double k = 0.5 * camera_.width / camera_.fx;
-  Coefficients u = Coefficients::Zero();
-  u[0] = 1.0 + k * k / 3.0;
-  u[3] = k * k;
-  return u;
-}
-
-/// What the motions show of u is a multiple of byYaw(), and beyond that what the prior allows: also
-/// of what a lens does, whose error is therefore not in the standard deviation.
+/// To first order a yaw w displaces columns by w (fx + x^2 / fx). What the motions show of u is a
+/// multiple of that, and beyond it what the prior allows: also of what a lens does, whose error is
+/// therefore not in the standard deviation.
 OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const GaussianEstimate& u,
                                                           const Coefficients& by_rows) const {
-  const Coefficients shape = byYaw();
+  const double k = 0.5 * camera_.width / camera_.fx;
+  Coefficients shape = Coefficients::Zero();
+  shape[0] = 1.0 + k * k / 3.0;
+  shape[3] = k * k;
   const Coefficients weighted = u.prior * shape;
   const Eigen::LDLT<Information> solver(u.information);
   const double information = weighted.dot(shape - solver.solve(weighted));
@@ -234,7 +230,7 @@ OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const GaussianEstimate
   const double noise_px = kNoiseOfYaw / std::sqrt(information);
   const double gain =
       bayesGain(measured_px, std::hypot(noise_px, lensErrorPx(), kPrincipalPointPx));
-  return {gain * measured_px, std::sqrt(gain) * noise_px};
+  return {gain * measured_px * shape, std::sqrt(gain) * noise_px * shape[0]};
 }
 
 }  // namespace point_line_odometry

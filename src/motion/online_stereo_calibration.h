@@ -77,21 +77,22 @@ class OnlineStereoCalibration {
     /// \param prior_sigma of each coefficient [px], about zero.
     explicit GaussianEstimate(const Coefficients& prior_sigma);
     void add(const Information& information, const Coefficients& vector);
+    /// Adds a motion to the estimate of u.
+    void add(const CalibrationEvidence& motion, double share_of_new);
     /// \param expected mean of the prior.
     Coefficients mean(const Coefficients& expected = Coefficients::Zero()) const;
     auto state() { return std::tie(prior, information, vector); }
   };
 
-  /// Yaw of the right camera: the displacement of the principal point, with its standard deviation.
+  /// What a yaw of the right camera does.
   struct Yaw {
-    double px = 0.0;
-    double sigma_px = 0.0;
+    Coefficients u = Coefficients::Zero();  ///< the displacement
+    double sigma_px = 0.0;                  ///< standard deviation of its constant term
   };
 
   void update();
   double lensErrorPx() const;
   Coefficients expectedByRows() const;
-  Coefficients byYaw() const;
   Yaw yaw(const GaussianEstimate& u, const Coefficients& by_rows) const;
 
   StereoCamera camera_;
