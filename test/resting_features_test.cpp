@@ -90,6 +90,25 @@ class RestingFeaturesTest : public ::testing::Test {
     return resting.findBeforeScene(prev, curr, failed, context_);
   }
 
+  /// Between equal poses, where these points of the previous frame were found again.
+  static TrackingResult atRest(const StereoFrame& prev, const std::vector<int>& found) {
+    TrackingResult tracked;
+    for (const int i : found) tracked.matches.points.push_back({i, i});
+    tracked.correspondences.points.resize(found.size());
+    tracked.frame_to_frame.status = MotionStatus::kOk;
+    tracked.frame_to_frame.point_inliers.assign(found.size(), true);
+    tracked.frame_to_frame.num_point_inliers = static_cast<int>(found.size());
+    EXPECT_LT(found.size(), prev.points.size());
+    return tracked;
+  }
+
+  /// Every n-th index from begin to end.
+  static std::vector<int> indices(std::size_t begin, std::size_t end, std::size_t every = 1) {
+    std::vector<int> list;
+    for (std::size_t i = begin; i < end; i += every) list.push_back(static_cast<int>(i));
+    return list;
+  }
+
   /// Whether what is found of a body before a scene is enough.
   /// Each time as of a new frame.
   bool confirm(const StereoFrame& prev, StereoFrame curr, RestingFeatures* resting) {
@@ -212,6 +231,38 @@ TEST_F(RestingFeaturesTest, WhatRestsBehindSomethingMovingIsTheScene) {
   const RestingFeatures resting(kCamera);
   const StereoFrame first = frameAt(Isometry3d::Identity());
   EXPECT_FALSE(find(resting, first, frameAt(Isometry3d::Identity(), kStep)));
+}
+
+/// Nothing of the scene is found again: it moves too fast, or shows too little.
+TEST_F(RestingFeaturesTest, WhatRestsMayHideASceneThatIsNotFoundAgain) {
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  const TrackingResult body_found = atRest(frame, indices(0, body_.size()));
+  RestingFeatures resting(kCamera);
+  EXPECT_TRUE(resting.mayHideScene(frame, frame, body_found, context_));
+  drive(3, kStep, &resting);
+  EXPECT_FALSE(resting.mayHideScene(frame, frame, body_found, context_)) << "it moved before";
+}
+
+TEST_F(RestingFeaturesTest, ACameraAtRestFindsSomeOfAllThatItSees) {
+  const RestingFeatures resting(kCamera);
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  for (const std::size_t every : {2, 3, 6}) {
+    const TrackingResult dark = atRest(frame, indices(0, frame.points.size(), every));
+    EXPECT_FALSE(resting.mayHideScene(frame, frame, dark, context_)) << every;
+  }
+}
+
+/// Somebody stands before the camera; or what rests is before the sea, and no part of the robot.
+TEST_F(RestingFeaturesTest, WhatIsNotNearestOrFarAwayHidesNoScene) {
+  const RestingFeatures resting(kCamera);
+  const StereoFrame frame = frameAt(Isometry3d::Identity());
+  const TrackingResult scene_found = atRest(frame, indices(body_.size(), frame.points.size()));
+  EXPECT_FALSE(resting.mayHideScene(frame, frame, scene_found, context_));
+
+  StereoFrame shore = frame;
+  for (StereoPoint& point : shore.points) point.triangulated.p_camera *= 4.0;
+  const TrackingResult shore_found = atRest(shore, indices(0, body_.size()));
+  EXPECT_FALSE(resting.mayHideScene(shore, shore, shore_found, context_));
 }
 
 TEST_F(RestingFeaturesTest, WhatRestsInMotionIsLeftOut) {

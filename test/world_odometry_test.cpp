@@ -346,6 +346,52 @@ TEST(RobotsOwnBody, IsNotTheSceneInTheDark) {
   EXPECT_EQ(driven.results.back().state, TrackingState::kOk);
 }
 
+/// What is blurred or too dark is not found again, and all that is found is the robot. Its motion
+/// is unknown then, and said to be.
+TEST(RobotsOwnBody, IsNotTheSceneWhereThatIsNotFound) {
+  struct Case {
+    int seed;
+    double speed;
+    double rotation;
+    double exposure_ev;
+    std::size_t every;
+  };
+  for (const Case& dark : {Case{77406, 1.5, 2.0, 0.0, 2}, Case{73149, 1.0, 1.0, -0.6, 3}}) {
+    SyntheticWorldOptions options;
+    options.scene = "plaster";
+    options.seed = dark.seed;
+    options.bonnet = 1.5;
+    options.speed = dark.speed;
+    options.rotation = dark.rotation;
+    options.exposure_ev = dark.exposure_ev;
+    const RunResult driven = run(options, 12, dark.every);
+    int doubted = 0;
+    for (std::size_t k = 1; k < driven.results.size(); ++k) {
+      if (driven.results[k].state == TrackingState::kOk) {
+        EXPECT_LT(normalisedVelocityError(driven, k), 36.0) << dark.seed << ' ' << k;
+      }
+      doubted += driven.results[k].reason == TrackingReason::kAmbiguousMotion ? 1 : 0;
+    }
+    EXPECT_GT(doubted, 0) << "the test must hide the scene";
+    EXPECT_EQ(driven.results.back().state, TrackingState::kOk) << dark.seed;
+  }
+}
+
+/// A camera at rest finds part of the scene in the dark, too.
+TEST(RobotsOwnBody, IsNotAllThatAStandingRobotSeesInTheDark) {
+  for (const double exposure_ev : {0.0, -1.0}) {
+    SyntheticWorldOptions options;
+    options.scene = "plaster";
+    options.bonnet = 1.5;
+    options.speed = 0.0;
+    options.rotation = 0.0;
+    options.exposure_ev = exposure_ev;
+    const RunResult standing = run(options, 8);
+    for (std::size_t k = 1; k < standing.results.size(); ++k)
+      EXPECT_EQ(standing.results[k].state, TrackingState::kOk) << exposure_ev << ' ' << k;
+  }
+}
+
 /// Cars pass before a robot that stands and sees its own bonnet.
 TEST(RobotsOwnBody, TrafficDoesNotMoveAStandingRobot) {
   SyntheticWorldOptions options;

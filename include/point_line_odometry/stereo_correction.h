@@ -33,6 +33,10 @@ class StereoCorrection {
   Eigen::Vector2d apply(const Eigen::Vector2d& right_px) const;
   LineSegment apply(const LineSegment& right) const;  ///< the same of both ends
 
+  /// Root mean square of the displacement over the right image of this camera: along the rows, thus
+  /// of the disparity, and along the columns [px]. The correction may be that of scaled images.
+  Eigen::Vector2d rmsPx(const StereoCamera& camera) const;
+
   Coefficients u = Coefficients::Zero();  ///< horizontal displacement: a bias of the disparity
   Coefficients v =
       Coefficients::Zero();  ///< vertical displacement: a bias of the vertical disparity

@@ -1,6 +1,7 @@
 #include "odometry/motion_confirmation.h"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "motion/observations.h"
@@ -29,6 +30,9 @@ constexpr int kMinRestingFar = 8;
 constexpr double kShareRestingFar = 0.2;
 constexpr double kGainOfFreed = 1.1;
 
+// A number of features that are found by chance is seldom exceeded by more.
+constexpr double kSigmasAboveChance = 2.0;
+
 /// Far points among the inliers from frame to frame.
 int countFarInliers(const TrackingResult& tracked) {
   if (!tracked.frame_to_frame.ok()) return 0;
@@ -37,6 +41,11 @@ int countFarInliers(const TrackingResult& tracked) {
   for (std::size_t i = 0; i < matches.size(); ++i)
     far += tracked.frame_to_frame.point_inliers[i] && matches[i].far ? 1 : 0;
   return far;
+}
+
+/// The points among the inliers from frame to frame.
+bool areMostlyFar(const TrackingResult& tracked) {
+  return 2 * countFarInliers(tracked) > tracked.frame_to_frame.num_point_inliers;
 }
 
 /// Inliers from frame to frame that have a depth.
@@ -112,9 +121,19 @@ bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
   if (usual * countInView(tracked.landmark_matches) < kMinExpected ||
       landmarks >= kShareConfirmed * usual)
     return false;
-  if (2 * countFarInliers(tracked) > tracked.frame_to_frame.num_point_inliers) return false;
+  if (areMostlyFar(tracked)) return false;
   const double features = shareFound(*history.previous, camera, tracked);
   return features < kShareFound && landmarks < kShareConfirmed * features;
+}
+
+bool isByChance(const StereoFrame& earlier, const StereoCamera& camera,
+                const TrackingResult& tracked) {
+  const MotionEstimate& motion = tracked.frame_to_frame;
+  if (!motion.ok() || areMostlyFar(tracked)) return false;
+  const int in_view = countNearInView(earlier, camera, motion.T_curr_prev);
+  const double by_chance = kShareOfScene * in_view;
+  return countNearInliers(tracked) <=
+         by_chance + kSigmasAboveChance * std::sqrt((1.0 - kShareOfScene) * by_chance);
 }
 
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,

@@ -56,6 +56,12 @@ bool isFreed(const StereoFrame& earlier, const StereoCamera& camera, const Track
 bool isRefuted(const TrackingResult& tracked, const FrameHistory& history,
                const StereoCamera& camera);
 
+/// True if not significantly more of the scene is found at a motion than at one on which wrong
+/// matches agree, for one that neither a velocity nor a prior supports. Where most inliers are far
+/// points, the translation is not theirs.
+bool isByChance(const StereoFrame& earlier, const StereoCamera& camera,
+                const TrackingResult& tracked);
+
 /// True if landmarks should be found at a motion, and at least a third of the usual share is.
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
                  const MotionEstimate& motion);

@@ -6,6 +6,7 @@
 
 #include "geometry/se3.h"
 #include "map/new_landmarks.h"
+#include "odometry/motion_confirmation.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/stage_timer.h"
 #include "odometry/stereo_triangulation.h"
@@ -40,15 +41,20 @@ std::optional<double> shareOfNew(const std::optional<LocalMap>& map) {
   return map->shareOfNew();
 }
 
-/// Makes a motion ambiguous that may as well be another one: its covariance covers both.
-void coverMotion(const Eigen::Isometry3d& T_prev_curr, TrackingResult* tracked) {
-  const Vector6d difference = poseDifference(tracked->motion.T_curr_prev.inverse(), T_prev_curr);
-  Vector6d variances;
-  variances << Eigen::Vector3d::Constant(difference.head<3>().squaredNorm()),
-      Eigen::Vector3d::Constant(difference.tail<3>().squaredNorm());
+/// Makes a motion ambiguous that may as well be another one, and adds the variances of that.
+void makeAmbiguous(const Vector6d& variances, TrackingResult* tracked) {
   tracked->motion.covariance.diagonal() += variances;
   if (tracked->image_motion) tracked->image_motion->covariance.diagonal() += variances;
   tracked->ambiguous = true;
+}
+
+/// Of a motion that may as well be another one: they cover both.
+Vector6d variancesBetween(const Eigen::Isometry3d& T_prev_curr, const Eigen::Isometry3d& other) {
+  const Vector6d difference = poseDifference(T_prev_curr, other);
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(difference.head<3>().squaredNorm()),
+      Eigen::Vector3d::Constant(difference.tail<3>().squaredNorm());
+  return variances;
 }
 
 }  // namespace
@@ -74,6 +80,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
   const double dt_s = sinceLast(context);
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
+  if (tracked.ambiguous) pose.loseVelocity();
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0, agreed);
   noteStamp(curr.stamp_ns);
@@ -172,8 +179,7 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
   const std::optional<RestingBody> body =
       resting.findBeforeScene(*history.previous, curr, *tracked, context, threads);
   if (!resting.confirm(body, *history.previous, curr, context)) {
-    if (body && tracked->frame_to_frame.ok() && tracked->reason == TrackingReason::kNone)
-      coverMotion(body->T_curr_prev.inverse(), tracked);
+    coverOtherMotions(body, curr, context, tracked);
     return false;
   }
   resting.leaveOut(&*history.previous);
@@ -181,6 +187,26 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
   restartMap(context.parameters);
   pose.loseVelocity();
   return true;
+}
+
+/// Another motion may be that of a scene behind a body, seen or unseen; where the matches of the
+/// first motion agree by chance, the camera may as well have stayed where it was.
+void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
+                                      const StereoFrame& curr, const FrameContext& context,
+                                      TrackingResult* tracked) const {
+  if (!tracked->frame_to_frame.ok() || tracked->reason != TrackingReason::kNone) return;
+  const TrackingParameters& limits = context.parameters.tracking;
+  const Eigen::Isometry3d T_prev_curr = tracked->motion.T_curr_prev.inverse();
+  const bool unsupported =
+      !isCurrent(pose.velocityFor(curr.stamp_ns, limits)) && tracked->prior.use != PriorUse::kUsed;
+  if (body) {
+    makeAmbiguous(variancesBetween(T_prev_curr, body->T_curr_prev.inverse()), tracked);
+  } else if (resting.mayHideScene(*history.previous, curr, *tracked, context)) {
+    const double dt_s = context.secondsSince(history.previous->stamp_ns);
+    makeAmbiguous(covarianceByLimits(dt_s, limits).diagonal(), tracked);
+  } else if (unsupported && isByChance(*history.previous, context.camera, *tracked)) {
+    makeAmbiguous(variancesBetween(T_prev_curr, Eigen::Isometry3d::Identity()), tracked);
+  }
 }
 
 StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,

@@ -135,6 +135,8 @@ struct OdometryState {
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);
+  void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
+                         const FrameContext& context, TrackingResult* tracked) const;
   void startMap(const Parameters& parameters);
 };
 

@@ -38,6 +38,17 @@ constexpr double kShareOfMoving = 1.0 / 3.0;
 constexpr double kShareOfMovingScene = 0.1;
 constexpr int kMinScene = 20;
 
+// A circle around a point in which so many inliers are expected, if they are anywhere in the image,
+// is seldom without one. Where the camera is at rest, at most this share of the points that were
+// not found is so alone (in the dark 7 %), and where a body rests before an unseen scene more.
+constexpr double kInliersAround = 5.0;
+constexpr double kShareAlone = 0.1;
+constexpr double kFewestAlone = 10.0;
+
+// Half of what a camera sees of its robot is nearer. What rests before trees in the wind
+// or the sea, which are not found again either, is.
+constexpr double kFarthestBody_m = 3.0;
+
 double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
                     const FrameContext& context) {
   return levelScale(frame.features.points_left[point.left], context.parameters);
@@ -138,6 +149,44 @@ std::optional<MovingScene> findMovingScene(const std::vector<IndexPair>& matches
   return scene;
 }
 
+/// Fewest resting points that may hold the motion of these inliers.
+double leastResting(const std::vector<IndexPair>& inliers) {
+  return std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
+}
+
+/// [m]
+std::vector<double> depthsOf(const std::vector<int>& points, const StereoFrame& frame) {
+  std::vector<double> depths;
+  depths.reserve(points.size());
+  for (const int i : points) depths.push_back(frame.points[i].triangulated.p_camera.z());
+  return depths;
+}
+
+/// Near points of a frame that were not found, far from all inliers in the image, if they are too
+/// many for the scene of a camera at rest; else none.
+std::vector<int> alonePoints(const std::vector<IndexPair>& inliers, const StereoFrame& prev,
+                             const StereoCamera& camera) {
+  std::vector<bool> found(prev.points.size(), false);
+  for (const IndexPair& match : inliers) found[match.first] = true;
+  const double area_px = static_cast<double>(camera.width) * camera.height;
+  const double squared_radius =
+      kInliersAround * area_px / (M_PI * static_cast<double>(inliers.size()));
+  std::vector<int> alone;
+  int num_missing = 0;
+  for (std::size_t i = 0; i < prev.points.size(); ++i) {
+    if (found[i] || prev.points[i].far) continue;
+    ++num_missing;
+    const Eigen::Vector2f& pixel = leftPixel(prev, prev.points[i]);
+    const auto isNear = [&](const IndexPair& match) {
+      return (leftPixel(prev, prev.points[match.first]) - pixel).squaredNorm() < squared_radius;
+    };
+    if (std::none_of(inliers.begin(), inliers.end(), isNear)) alone.push_back(static_cast<int>(i));
+  }
+  if (static_cast<double>(alone.size()) < std::max(kFewestAlone, kShareAlone * num_missing))
+    return {};
+  return alone;
+}
+
 /// Whether depths are smaller than others, in the median and at the far end.
 bool isNearer(const std::vector<double>& depths, const std::vector<double>& others) {
   for (const double share : {0.5, 0.9}) {
@@ -214,22 +263,12 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
   const bool ok = tracked.frame_to_frame.ok();
   if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return std::nullopt;
   const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
-  const double least =
-      std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
-  const auto restingOf = [&](const std::vector<IndexPair>& matches) {
-    std::vector<int> resting;
-    for (const IndexPair& match : matches) {
-      if (shiftOf(match, prev, curr, context) < kRests_px &&
-          mayRest(leftPixel(prev, prev.points[match.first])))
-        resting.push_back(match.first);
-    }
-    return resting;
-  };
-  std::vector<int> resting = restingOf(inliers);
+  const double least = leastResting(inliers);
+  std::vector<int> resting = restingOf(inliers, prev, curr, context);
   if (ok && static_cast<double>(resting.size()) < least) return std::nullopt;
   const std::vector<IndexPair> others =
       matchOthers(prev, curr, inliers, context.parameters.matching, threads);
-  if (!ok) resting = restingOf(others);
+  if (!ok) resting = restingOf(others, prev, curr, context);
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
@@ -242,11 +281,24 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
                                                       context) < kMoves_px;
                                }),
                 resting.end());
-  std::vector<double> depths;
-  for (const int i : resting) depths.push_back(prev.points[i].triangulated.p_camera.z());
   const bool enough = static_cast<double>(resting.size()) >= least;
-  if (!enough || !isNearer(depths, scene->depths)) return std::nullopt;
+  if (!enough || !isNearer(depthsOf(resting, prev), scene->depths)) return std::nullopt;
   return RestingBody{std::move(resting), scene->T_curr_prev, num_scene};
+}
+
+bool RestingFeatures::mayHideScene(const StereoFrame& prev, const StereoFrame& curr,
+                                   const TrackingResult& tracked,
+                                   const FrameContext& context) const {
+  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareStationary)
+    return false;
+  const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
+  const std::vector<int> resting = restingOf(inliers, prev, curr, context);
+  if (static_cast<double>(resting.size()) < leastResting(inliers)) return false;
+
+  const std::vector<double> depths = depthsOf(resting, prev);
+  if (median(depths) > kFarthestBody_m) return false;
+  const std::vector<int> alone = alonePoints(inliers, prev, context.camera);
+  return !alone.empty() && isNearer(depths, depthsOf(alone, prev));
 }
 
 bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
@@ -309,6 +361,19 @@ bool RestingFeatures::rests(const Eigen::Vector2f& pixel) const {
     if (std::max<double>(sums.rested, least * (sums.rested + sums.moved)) >= kFewestPoints) break;
   }
   return sums.rested >= kFewestPoints && sums.rested > least * (sums.rested + sums.moved);
+}
+
+/// Points of the previous frame that rest, where what rests may be none of the scene.
+std::vector<int> RestingFeatures::restingOf(const std::vector<IndexPair>& matches,
+                                            const StereoFrame& prev, const StereoFrame& curr,
+                                            const FrameContext& context) const {
+  std::vector<int> resting;
+  for (const IndexPair& match : matches) {
+    if (shiftOf(match, prev, curr, context) < kRests_px &&
+        mayRest(leftPixel(prev, prev.points[match.first])))
+      resting.push_back(match.first);
+  }
+  return resting;
 }
 
 /// Whether half of a segment or more lies where features rest.

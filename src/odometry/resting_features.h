@@ -48,6 +48,13 @@ class RestingFeatures {
                                              const FrameContext& context,
                                              ThreadPool* threads = nullptr) const;
 
+  /// Whether a camera that was found stationary may move all the same: what rests in the image may
+  /// be a body before a scene that moves too fast, or shows too little, to be found again. Around
+  /// many points that are farther away nothing was found, as would be in the scene of a camera that
+  /// is at rest.
+  bool mayHideScene(const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
+                    const FrameContext& context) const;
+
   /// Counts what was found in a frame, or that nothing was. Once enough points of the scene agree,
   /// in this frame and those before, features are taken to rest where the body's are, until motions
   /// tell otherwise. A frame that is tracked twice counts once. \return whether this is so now.
@@ -83,6 +90,8 @@ class RestingFeatures {
   static constexpr int kCellSize_px = 16;
 
   static void count(bool rests, Counts* counts);
+  std::vector<int> restingOf(const std::vector<IndexPair>& matches, const StereoFrame& prev,
+                             const StereoFrame& curr, const FrameContext& context) const;
   void countResting(const StereoFrame& prev, const StereoFrame& curr,
                     const Eigen::Isometry3d& T_curr_prev, const FrameContext& context);
   Sums around(const Eigen::Vector2f& pixel, int cells) const;

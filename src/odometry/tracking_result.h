@@ -53,8 +53,8 @@ struct TrackingResult {
   std::optional<CalibrationEvidence> calibration;
   /// The motion has weakly constrained axes, for which it was fused with the prediction.
   bool weak = false;
-  /// The features found may rest on the robot's own body: the covariance covers the motion of a
-  /// scene behind it, too.
+  /// Another motion is possible, which the covariance covers, too: the features found may rest on
+  /// the robot's own body, or they agree by chance.
   bool ambiguous = false;
   /// `motion` is from relocalization: landmarks matched by descriptors over the whole image.
   bool relocalized = false;

@@ -217,6 +217,7 @@ int runOdometry(const Options& options) {
   info.line_detector = toString(run.odometry()->lineDetector());
   const PointParameters& points = run.odometry()->parameters().points;
   info.point_descriptor = points.enabled ? points.descriptor : "none";
+  info.correction_px = run.odometry()->correction().rmsPx(run.odometry()->camera());
   info.unsynchronized_images = source->unsynchronized();
   info.refused = run.refused();
   info.files = output.names();
