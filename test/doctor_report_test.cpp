@@ -391,6 +391,15 @@ TEST(DoctorReportTest, WarnsWhenTheRectificationDrifts) {
   expectLine(facts, Subject::kRectification, Level::kWarn, "drifted by -0.70 px", "fasten");
 }
 
+TEST(DoctorReportTest, WarnsOfDisparitiesThatTheOdometryCorrects) {
+  DoctorFacts facts = Camera().watch();
+  facts.correction_px = Eigen::Vector2d(0.6, 1.2);
+  expectLine(facts, Subject::kDisparity, Level::kOk, "left camera is left");
+  facts.correction_px = Eigen::Vector2d(2.62, 0.1);
+  expectLine(facts, Subject::kDisparity, Level::kWarn, "wrong by 2.6 px, and are corrected",
+             "calibrate");
+}
+
 TEST(DoctorReportTest, ReportsSwappedCameras) {
   Camera images;
   std::swap(images.left_, images.right_);

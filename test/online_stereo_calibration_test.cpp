@@ -103,6 +103,26 @@ class DistortedDrive {
   synthetic::Random random_;
 };
 
+/// Of images that were scaled to a half for the odometry, in pixels of those received.
+TEST(StereoCorrection, TheRootMeanSquareIsThatOfTheWholeImage) {
+  StereoCamera camera = synthetic::roomCamera();
+  camera.cx = 0.5 * camera.width;
+  camera.cy = 0.5 * camera.height;
+  StereoCamera half = camera;
+  for (double* value : {&half.fx, &half.fy, &half.cx, &half.cy}) *value *= 0.5;
+  half.width /= 2;
+  half.height /= 2;
+  StereoCorrection correction(half);
+  EXPECT_EQ(correction.rmsPx(camera), Eigen::Vector2d(0.0, 0.0));
+  correction.u[0] = -1.5;
+  correction.v[2] = 1.0;
+  const double half_height = static_cast<double>(half.height) / half.width;
+  const Eigen::Vector2d expected(1.5, half_height / std::sqrt(3.0));
+  EXPECT_TRUE(correction.rmsPx(half).isApprox(expected, 0.01));
+  EXPECT_TRUE(correction.rmsPx(camera).isApprox(2.0 * expected, 0.01));
+  EXPECT_EQ(StereoCorrection().rmsPx(camera), Eigen::Vector2d(0.0, 0.0)) << "of no camera";
+}
+
 TEST(StereoCorrection, TermsAreThoseOfTheHeader) {
   const StereoCamera camera = synthetic::camera();
   const StereoCorrection correction(camera);

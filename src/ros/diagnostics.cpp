@@ -110,6 +110,7 @@ void Diagnostics::noteFrame(const ProcessedFrame& frame, double latency_ms) {
   counters_.masks_missing += static_cast<std::uint64_t>(frame.masks.missing);
   if (!masks_) masks_.emplace();
   masks_->add(frame);
+  correction_px_ = frame.correction_px;
   if (!frame.result.processed()) return;
   constexpr std::size_t kRemembered = 20;
   process_ms_.push_back(frame.result.times.total_ms);
@@ -168,8 +169,10 @@ void Diagnostics::noteWheels(std::optional<SourceFacts> wheels) {
 
 void Diagnostics::noteCheck(const std::vector<DoctorLine>& lines) {
   for (const DoctorLine& line : lines) {
-    if (line.subject != DoctorSubject::kRectification || !line.failed()) continue;
-    if (log_throttle_.passes("rectification", kRepeatPeriodS)) {
+    const bool of_pair =
+        line.subject == DoctorSubject::kRectification || line.subject == DoctorSubject::kDisparity;
+    if (!of_pair || !line.failed()) continue;
+    if (log_throttle_.passes(toString(line.subject), kRepeatPeriodS)) {
       ROS_WARN_STREAM(line.text << "; " << line.hint);
     }
   }
@@ -186,6 +189,11 @@ std::optional<double> Diagnostics::medianFrameMs() const {
 std::optional<MaskFacts> Diagnostics::masks() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   return masks_;
+}
+
+std::optional<Eigen::Vector2d> Diagnostics::correctionPx() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return correction_px_;
 }
 
 std::optional<SourceFacts> Diagnostics::imu() const {

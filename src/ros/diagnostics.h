@@ -3,6 +3,7 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
 
+#include <Eigen/Core>
 #include <deque>
 #include <map>
 #include <mutex>
@@ -49,6 +50,9 @@ class Diagnostics {
   /// Nothing before the first frame.
   std::optional<MaskFacts> masks() const;
 
+  /// StereoCorrection::rmsPx() of the odometry; nothing before the first frame.
+  std::optional<Eigen::Vector2d> correctionPx() const;
+
   /// Nothing before the first frame, and without such a source.
   std::optional<SourceFacts> imu() const;
   std::optional<SourceFacts> wheels() const;
@@ -84,6 +88,7 @@ class Diagnostics {
   std::uint64_t failed_windows_ = 0;               // bundle adjustments that failed
   std::deque<double> process_ms_;                  // of the latest frames
   std::optional<MaskFacts> masks_;
+  std::optional<Eigen::Vector2d> correction_px_;
   std::vector<DoctorLine> doctor_lines_;
   std::optional<SourceFacts> imu_;            // nothing unless imu/enabled
   std::optional<SourceFacts> wheels_;         // nothing without

@@ -87,6 +87,7 @@ void Doctor::checkAndReport() {
   facts.clock_missing = isClockMissing();
   facts.frame_ms = sources_.diagnostics->medianFrameMs();
   facts.masks = sources_.diagnostics->masks();
+  facts.correction_px = sources_.diagnostics->correctionPx();
   facts.imu_source = sources_.diagnostics->imu();
   facts.wheels_source = sources_.diagnostics->wheels();
   addOtherParents(tf_parents_.othersThan(ros::this_node::getName()), *sources_.tf, &facts);

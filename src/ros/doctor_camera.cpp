@@ -19,6 +19,10 @@ constexpr double kMaxVerticalDisparity_px = 1.5;
 /// Change of the median vertical disparity since the start above which a drift is reported.
 constexpr double kMaxVerticalDrift_px = 0.5;
 
+/// Correction of the disparities by the camera's motion above which the right camera is reported to
+/// have moved; calibrated rigs have up to 0.6 px (KITTI).
+constexpr double kMaxCorrection_px = 1.0;
+
 // --- Images and calibration
 
 std::string sizeText(int width, int height) {
@@ -325,6 +329,13 @@ DoctorLine evaluateDisparity(const DoctorFacts& facts) {
                        "calibrate the pair again: the cameras' angle to each other, or cx in P, is "
                        "wrong; images must be rectified");
   }
+  if (facts.correction_px && facts.correction_px->x() > kMaxCorrection_px) {
+    return failureLine(Subject::kDisparity, Level::kWarn,
+                       text + "; by the camera's motion they are wrong by " +
+                           number(facts.correction_px->x(), 1) + " px, and are corrected",
+                       "fasten the cameras and calibrate the pair again: the right one has turned "
+                       "against the left one, or camera_info is of another lens");
+  }
   return okLine(Subject::kDisparity, text + ", left camera is left");
 }
 
@@ -334,6 +345,10 @@ DoctorLine checkDisparity(const DoctorFacts& facts) {
     line.values = {
         {"disparity [px]", number(facts.pair->disparity_px, 2)},
         {"negative disparities [%]", number(100.0 * facts.pair->behind_infinity_share, 1)}};
+  }
+  if (facts.correction_px) {
+    line.values.emplace_back("correction of disparities [px]", number(facts.correction_px->x(), 3));
+    line.values.emplace_back("correction of rows [px]", number(facts.correction_px->y(), 3));
   }
   return line;
 }

@@ -60,7 +60,7 @@ class DoctorChecks {
   void follow(const StereoMessages& set);
 
   /// \param tf looked up for the camera's mounting. Left for the caller: image_topics, from_bag,
-  /// clock_missing, frame_ms, masks, imu, imu_source, wheels_source, odometry_runs,
+  /// clock_missing, frame_ms, masks, correction_px, imu, imu_source, wheels_source, odometry_runs,
   /// addOtherParents().
   DoctorFacts facts(const InputFacts& input, const tf2::BufferCore& tf);
 

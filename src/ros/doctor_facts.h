@@ -56,7 +56,9 @@ struct DoctorFacts {
   std::string calibration_change;  ///< what was not as before in some of the sets; empty if nothing
   std::string damage;              ///< why some pair cannot be used, with a hint; empty if all can
 
-  std::optional<PairMeasurement> pair;          ///< nothing: not measured yet
+  std::optional<PairMeasurement> pair;  ///< nothing: not measured yet
+  /// StereoCorrection::rmsPx() of a node's odometry; nothing: no frame processed yet.
+  std::optional<Eigen::Vector2d> correction_px;
   std::optional<int> seam_column;               ///< see commonSeam(): in all pairs measured
   std::optional<double> vertical_drift_px;      ///< of row_offset_px since the start
   std::optional<SequenceMeasurement> sequence;  ///< nothing: no consecutive pairs were followed

@@ -49,6 +49,8 @@ struct ProcessedFrame {
   FrameMasks masks;
   StereoCamera camera;
   LineDetectorKind line_detector = LineDetectorKind::kNone;  ///< that was used
+  /// StereoCorrection::rmsPx() of the odometry after the frame.
+  Eigen::Vector2d correction_px = Eigen::Vector2d::Zero();
   double feature_budget = 1.0;  ///< share of the configured numbers of features that was used
   /// Pose of the rectified left camera in the base.
   Eigen::Isometry3d T_base_camera = Eigen::Isometry3d::Identity();

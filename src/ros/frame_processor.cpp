@@ -68,6 +68,7 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   const PlanarFloor* floor = prior_sources_.floor();
   frame.floor_trusted = floor == nullptr || floor->isTrusted();
   frame.line_detector = odometry_->lineDetector();
+  frame.correction_px = odometry_->correction().rmsPx(odometry_->camera());
   checkFinite(frame.result);
   continues_ = frame.result.reason != TrackingReason::kException;
   if (frame.result.accepted()) {

@@ -51,7 +51,8 @@ struct RunInfo {
   std::string input;
   std::string line_detector;     ///< that was used
   std::string point_descriptor;  ///< likewise
-  Eigen::Vector2d correction_px = Eigen::Vector2d::Zero();  ///< StereoCorrection::rmsPx() at the end
+  Eigen::Vector2d correction_px =
+      Eigen::Vector2d::Zero();  ///< StereoCorrection::rmsPx() at the end
   std::size_t unsynchronized_images = 0;
   std::map<TrackingReason, std::size_t> refused;  ///< frames that the odometry did not accept
   std::vector<std::string> warnings;  ///< what was left out of the input, and what else is odd
