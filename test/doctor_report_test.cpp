@@ -393,11 +393,15 @@ TEST(DoctorReportTest, WarnsWhenTheRectificationDrifts) {
 
 TEST(DoctorReportTest, WarnsOfDisparitiesThatTheOdometryCorrects) {
   DoctorFacts facts = Camera().watch();
-  facts.correction_px = Eigen::Vector2d(0.6, 1.2);
+  ASSERT_TRUE(facts.camera);
+  const double degree_px = M_PI / 180.0 * facts.camera->fx;
+  facts.correction_px = Eigen::Vector2d(0.05 * degree_px, degree_px);
   expectLine(facts, Subject::kDisparity, Level::kOk, "left camera is left");
-  facts.correction_px = Eigen::Vector2d(2.62, 0.1);
-  expectLine(facts, Subject::kDisparity, Level::kWarn, "wrong by 2.6 px, and are corrected",
+  facts.correction_px = Eigen::Vector2d(0.2 * degree_px, 0.1);
+  expectLine(facts, Subject::kDisparity, Level::kWarn, "the odometry corrects disparities by",
              "calibrate");
+  facts.pair.reset();
+  expectLine(facts, Subject::kDisparity, Level::kWarn, "no pair of images measured yet; the");
 }
 
 TEST(DoctorReportTest, ReportsSwappedCameras) {

@@ -4,8 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <opencv2/core.hpp>
 #include <vector>
 
+#include "odometry/odometry_pose.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -55,6 +58,34 @@ TEST(MotionConfirmation, WhatIsFoundByChanceDependsOnWhatIsInView) {
 TEST(MotionConfirmation, FarPointsDoNotAgreeByChance) {
   EXPECT_TRUE(isByChance(frameOf(400), kCamera, foundOf(60, 30)));
   EXPECT_FALSE(isByChance(frameOf(400), kCamera, foundOf(60, 31)));
+}
+
+/// What may be the motion of something else predicts no pixels, and keeps no pose of a camera at
+/// rest.
+TEST(OdometryPose, AnAmbiguousMotionSaysNothingOfTheNextFrame) {
+  const cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(0));
+  const StereoCorrection correction;
+  const Parameters parameters;
+  for (const bool ambiguous : {false, true}) {
+    OdometryPose pose{Eigen::Isometry3d::Identity()};
+    FrameHistory history;
+    history.previous.emplace();
+    TrackingResult tracked = foundOf(100);
+    tracked.motion = tracked.frame_to_frame;
+    tracked.motion.covariance = tracked.frame_to_frame.covariance = 1e-6 * Matrix6d::Identity();
+    tracked.ambiguous = ambiguous;
+    for (int k = 1; k <= 10; ++k) {
+      const StereoImages images{image, image, 100000000LL * k};
+      const FrameContext context{images, kCamera, correction, parameters};
+      EXPECT_EQ(pose.update(tracked, history, context, 0.1, nullptr),
+                ambiguous ? TrackingState::kDegraded : TrackingState::kOk);
+      history.previous->stamp_ns = images.stamp_ns;
+      pose.advance();
+    }
+    ASSERT_TRUE(pose.velocity());
+    EXPECT_EQ(pose.velocity()->is_current, !ambiguous);
+    EXPECT_EQ(pose.isStationary(), !ambiguous);
+  }
 }
 
 TEST(MotionConfirmation, NoMotionIsNotOneByChance) {

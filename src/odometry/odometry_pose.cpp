@@ -58,6 +58,9 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   if (gap || since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
     integrator_.widenVelocity();
     smoother_.followUnknown(integrator_, integrator_.twist(), dt_s);
+  } else if (tracked.ambiguous) {
+    integrator_.loseVelocity();
+    smoother_.followUnknown(integrator_, integrator_.twist(), dt_s);
   } else {
     smoother_.followMeasured(integrator_, dt_s, parameters.standstill_hold);
   }

@@ -75,14 +75,13 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
                            const TrackingResult& tracked, const FramePrior& prior,
                            ThreadPool* threads, StageTimes* times) {
   const Parameters& parameters = context.parameters;
-  const bool measured = tracked.reason == TrackingReason::kNone;
+  const bool measured = tracked.reason == TrackingReason::kNone && !tracked.ambiguous;
   if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
   const double dt_s = sinceLast(context);
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
-  if (tracked.ambiguous) pose.loseVelocity();
   const bool agreed = PriorFactor::agrees(tracked.prior);
-  priors.update(prior, tracked.prior.axes > 0, agreed);
+  priors.update(prior, tracked.prior.axes > 0 && !tracked.ambiguous, agreed);
   noteStamp(curr.stamp_ns);
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
@@ -101,7 +100,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   }
   if (!calibratesStereo(parameters)) return;
   const StageTimer timer(times, Stage::kRefine);
-  if (tracked.calibration)
+  if (tracked.calibration && !tracked.ambiguous)
     stereo_calibration.addMotion(*tracked.calibration, shareOfNew(history.map));
   if (tracked.reason != TrackingReason::kRepeatedImages)
     stereo_calibration.addVerticalDisparities(vertical, parameters.motion.point_noise_px);
@@ -189,23 +188,27 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
   return true;
 }
 
-/// Another motion may be that of a scene behind a body, seen or unseen; where the matches of the
-/// first motion agree by chance, the camera may as well have stayed where it was.
 void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
                                       const StereoFrame& curr, const FrameContext& context,
                                       TrackingResult* tracked) const {
+  constexpr int kAllAxes = 6;
   if (!tracked->frame_to_frame.ok() || tracked->reason != TrackingReason::kNone) return;
-  const TrackingParameters& limits = context.parameters.tracking;
-  const Eigen::Isometry3d T_prev_curr = tracked->motion.T_curr_prev.inverse();
-  const bool unsupported =
-      !isCurrent(pose.velocityFor(curr.stamp_ns, limits)) && tracked->prior.use != PriorUse::kUsed;
   if (body) {
-    makeAmbiguous(variancesBetween(T_prev_curr, body->T_curr_prev.inverse()), tracked);
-  } else if (resting.mayHideScene(*history.previous, curr, *tracked, context)) {
+    makeAmbiguous(
+        variancesBetween(tracked->motion.T_curr_prev.inverse(), body->T_curr_prev.inverse()),
+        tracked);
+    return;
+  }
+  if (tracked->prior.use == PriorUse::kUsed && tracked->prior.axes == kAllAxes) return;
+  const TrackingParameters& limits = context.parameters.tracking;
+  const bool predicted = isCurrent(pose.velocityFor(curr.stamp_ns, limits));
+  if (resting.mayHideScene(*history.previous, curr, *tracked, context) ||
+      (!predicted && isByChance(*history.previous, context.camera, *tracked))) {
     const double dt_s = context.secondsSince(history.previous->stamp_ns);
-    makeAmbiguous(covarianceByLimits(dt_s, limits).diagonal(), tracked);
-  } else if (unsupported && isByChance(*history.previous, context.camera, *tracked)) {
-    makeAmbiguous(variancesBetween(T_prev_curr, Eigen::Isometry3d::Identity()), tracked);
+    const std::optional<CameraVelocity>& velocity = pose.velocity();
+    const double unmeasured_s = velocity ? context.secondsSince(velocity->stamp_ns) : dt_s;
+    makeAmbiguous(covarianceOfUnknownMotion(velocity, dt_s, unmeasured_s, limits).diagonal(),
+                  tracked);
   }
 }
 

@@ -93,10 +93,16 @@ struct OdometryState {
 
   /// Leaves features out of the previous frame by which a camera that moves seems to be stationary,
   /// and drops the map and the velocity, which are theirs; the current frame is to be tracked
-  /// again. False if there are none. If that is not certain yet, the motion becomes ambiguous.
+  /// again. False if there are none, or none is certain yet: then other motions are covered.
   /// \param tracked of the current frame.
   bool leaveOutResting(const StereoFrame& curr, const FrameContext& context, ThreadPool* threads,
                        TrackingResult* tracked);
+
+  /// Makes a motion ambiguous that may as well be another one: that of a scene behind a body which
+  /// is not certain yet, or an unknown one where the scene may be hidden, or the matches of a
+  /// motion without a velocity agree by chance. Not where a prior knows the motion.
+  void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
+                         const FrameContext& context, TrackingResult* tracked) const;
 
   /// The correction of the right image as a frame and its motion will leave it.
   StereoCorrection correctionBy(const StereoFrame& curr,
@@ -135,8 +141,6 @@ struct OdometryState {
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);
-  void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
-                         const FrameContext& context, TrackingResult* tracked) const;
   void startMap(const Parameters& parameters);
 };
 

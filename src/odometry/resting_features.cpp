@@ -45,8 +45,8 @@ constexpr double kInliersAround = 5.0;
 constexpr double kShareAlone = 0.1;
 constexpr double kFewestAlone = 10.0;
 
-// Half of what a camera sees of its robot is nearer. What rests before trees in the wind
-// or the sea, which are not found again either, is.
+// Half of what a camera sees of its own robot is nearer than this. A shore before the sea, or a
+// street before trees in the wind, is not.
 constexpr double kFarthestBody_m = 3.0;
 
 double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,

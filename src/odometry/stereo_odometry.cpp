@@ -161,6 +161,7 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   if (state.leaveOutResting(frame, context, threads.get(), &tracking)) {
     state.resting.leaveOut(&frame);
     tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
+    state.coverOtherMotions(std::nullopt, frame, context, &tracking);
   }
   TrackedFrame tracked{std::move(context), std::move(frame), std::move(tracking)};
   recalibrate(prior, &tracked, result);

@@ -19,9 +19,9 @@ constexpr double kMaxVerticalDisparity_px = 1.5;
 /// Change of the median vertical disparity since the start above which a drift is reported.
 constexpr double kMaxVerticalDrift_px = 0.5;
 
-/// Correction of the disparities by the camera's motion above which the right camera is reported to
-/// have moved; calibrated rigs have up to 0.6 px (KITTI).
-constexpr double kMaxCorrection_px = 1.0;
+/// Correction of the disparities by the odometry above which the right camera is reported to have
+/// moved, as an angle: a pixel of KITTI's camera, whose calibration needs 0.6 px.
+constexpr double kMaxCorrection_rad = 0.0014;
 
 // --- Images and calibration
 
@@ -329,18 +329,25 @@ DoctorLine evaluateDisparity(const DoctorFacts& facts) {
                        "calibrate the pair again: the cameras' angle to each other, or cx in P, is "
                        "wrong; images must be rectified");
   }
-  if (facts.correction_px && facts.correction_px->x() > kMaxCorrection_px) {
-    return failureLine(Subject::kDisparity, Level::kWarn,
-                       text + "; by the camera's motion they are wrong by " +
-                           number(facts.correction_px->x(), 1) + " px, and are corrected",
-                       "fasten the cameras and calibrate the pair again: the right one has turned "
-                       "against the left one, or camera_info is of another lens");
-  }
   return okLine(Subject::kDisparity, text + ", left camera is left");
+}
+
+/// Whether the odometry, which sees more than one pair, corrects disparities by more than what
+/// calibrations leave.
+bool hasMoved(const DoctorFacts& facts) {
+  return facts.camera && facts.correction_px &&
+         facts.correction_px->x() > kMaxCorrection_rad * facts.camera->fx;
 }
 
 DoctorLine checkDisparity(const DoctorFacts& facts) {
   DoctorLine line = evaluateDisparity(facts);
+  if (!line.failed() && hasMoved(facts)) {
+    line = failureLine(Subject::kDisparity, Level::kWarn,
+                       line.text + "; the odometry corrects disparities by " +
+                           number(facts.correction_px->x(), 1) + " px",
+                       "fasten the cameras and calibrate the pair again: the right one has turned "
+                       "against the left one, or camera_info is of another lens");
+  }
   if (facts.pair && facts.pair->valid()) {
     line.values = {
         {"disparity [px]", number(facts.pair->disparity_px, 2)},
