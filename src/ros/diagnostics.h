@@ -74,6 +74,7 @@ class Diagnostics {
   void reportCalibration(Status& status);
   double takeRate();
 
+  std::optional<Eigen::Vector2d> correction_px_;  // guarded by mutex_; first, as it is aligned
   const double watchdog_timeout_s_;
   LogThrottle log_throttle_;
 
@@ -88,7 +89,6 @@ class Diagnostics {
   std::uint64_t failed_windows_ = 0;               // bundle adjustments that failed
   std::deque<double> process_ms_;                  // of the latest frames
   std::optional<MaskFacts> masks_;
-  std::optional<Eigen::Vector2d> correction_px_;
   std::vector<DoctorLine> doctor_lines_;
   std::optional<SourceFacts> imu_;            // nothing unless imu/enabled
   std::optional<SourceFacts> wheels_;         // nothing without
