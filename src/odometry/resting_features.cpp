@@ -40,10 +40,10 @@ constexpr int kMinScene = 20;
 
 // A circle around a point in which so many inliers are expected, if they are anywhere in the image,
 // is seldom without one. Where the camera is at rest, at most this share of the points that were
-// not found is so alone (in the dark 7 %), and where a body rests before an unseen scene more.
+// not found is so isolated (in the dark 7 %), and where a body rests before an unseen scene more.
 constexpr double kInliersAround = 5.0;
-constexpr double kShareAlone = 0.1;
-constexpr double kFewestAlone = 10.0;
+constexpr double kShareIsolated = 0.1;
+constexpr double kFewestIsolated = 10.0;
 
 // Half of what a camera sees of its own robot is nearer than this. A shore before the sea, or a
 // street before trees in the wind, is not.
@@ -164,14 +164,14 @@ std::vector<double> depthsOf(const std::vector<int>& points, const StereoFrame& 
 
 /// Near points of a frame that were not found, far from all inliers in the image, if they are too
 /// many for the scene of a camera at rest; else none.
-std::vector<int> alonePoints(const std::vector<IndexPair>& inliers, const StereoFrame& prev,
-                             const StereoCamera& camera) {
+std::vector<int> isolatedPoints(const std::vector<IndexPair>& inliers, const StereoFrame& prev,
+                                const StereoCamera& camera) {
   std::vector<bool> found(prev.points.size(), false);
   for (const IndexPair& match : inliers) found[match.first] = true;
   const double area_px = static_cast<double>(camera.width) * camera.height;
   const double squared_radius =
       kInliersAround * area_px / (M_PI * static_cast<double>(inliers.size()));
-  std::vector<int> alone;
+  std::vector<int> isolated;
   int num_missing = 0;
   for (std::size_t i = 0; i < prev.points.size(); ++i) {
     if (found[i] || prev.points[i].far) continue;
@@ -180,11 +180,13 @@ std::vector<int> alonePoints(const std::vector<IndexPair>& inliers, const Stereo
     const auto isNear = [&](const IndexPair& match) {
       return (leftPixel(prev, prev.points[match.first]) - pixel).squaredNorm() < squared_radius;
     };
-    if (std::none_of(inliers.begin(), inliers.end(), isNear)) alone.push_back(static_cast<int>(i));
+    if (std::none_of(inliers.begin(), inliers.end(), isNear))
+      isolated.push_back(static_cast<int>(i));
   }
-  if (static_cast<double>(alone.size()) < std::max(kFewestAlone, kShareAlone * num_missing))
+  if (static_cast<double>(isolated.size()) <
+      std::max(kFewestIsolated, kShareIsolated * num_missing))
     return {};
-  return alone;
+  return isolated;
 }
 
 /// Whether depths are smaller than others, in the median and at the far end.
@@ -255,20 +257,30 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
   }
 }
 
+std::optional<RestingFeatures::StationaryMotion> RestingFeatures::findStationary(
+    const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
+    const FrameContext& context) const {
+  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareStationary)
+    return std::nullopt;
+  StationaryMotion motion;
+  motion.inliers = inliersOf(tracked, prev);
+  motion.resting = restingOf(motion.inliers, prev, curr, context);
+  if (static_cast<double>(motion.resting.size()) < leastResting(motion.inliers))
+    return std::nullopt;
+  return motion;
+}
+
 std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& prev,
                                                             const StereoFrame& curr,
                                                             const TrackingResult& tracked,
                                                             const FrameContext& context,
                                                             ThreadPool* threads) const {
-  const bool ok = tracked.frame_to_frame.ok();
-  if (ok && shareFound(prev, context.camera, tracked) > kShareStationary) return std::nullopt;
-  const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
-  const double least = leastResting(inliers);
-  std::vector<int> resting = restingOf(inliers, prev, curr, context);
-  if (ok && static_cast<double>(resting.size()) < least) return std::nullopt;
+  const std::optional<StationaryMotion> motion = findStationary(prev, curr, tracked, context);
+  if (tracked.frame_to_frame.ok() && !motion) return std::nullopt;
+  const std::vector<IndexPair> inliers = motion ? motion->inliers : std::vector<IndexPair>();
   const std::vector<IndexPair> others =
       matchOthers(prev, curr, inliers, context.parameters.matching, threads);
-  if (!ok) resting = restingOf(others, prev, curr, context);
+  std::vector<int> resting = motion ? motion->resting : restingOf(others, prev, curr, context);
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
@@ -281,7 +293,7 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
                                                       context) < kMoves_px;
                                }),
                 resting.end());
-  const bool enough = static_cast<double>(resting.size()) >= least;
+  const bool enough = static_cast<double>(resting.size()) >= leastResting(inliers);
   if (!enough || !isNearer(depthsOf(resting, prev), scene->depths)) return std::nullopt;
   return RestingBody{std::move(resting), scene->T_curr_prev, num_scene};
 }
@@ -289,16 +301,12 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
 bool RestingFeatures::mayHideScene(const StereoFrame& prev, const StereoFrame& curr,
                                    const TrackingResult& tracked,
                                    const FrameContext& context) const {
-  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareStationary)
-    return false;
-  const std::vector<IndexPair> inliers = inliersOf(tracked, prev);
-  const std::vector<int> resting = restingOf(inliers, prev, curr, context);
-  if (static_cast<double>(resting.size()) < leastResting(inliers)) return false;
-
-  const std::vector<double> depths = depthsOf(resting, prev);
+  const std::optional<StationaryMotion> motion = findStationary(prev, curr, tracked, context);
+  if (!motion) return false;
+  const std::vector<double> depths = depthsOf(motion->resting, prev);
   if (median(depths) > kFarthestBody_m) return false;
-  const std::vector<int> alone = alonePoints(inliers, prev, context.camera);
-  return !alone.empty() && isNearer(depths, depthsOf(alone, prev));
+  const std::vector<int> isolated = isolatedPoints(motion->inliers, prev, context.camera);
+  return !isolated.empty() && isNearer(depths, depthsOf(isolated, prev));
 }
 
 bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,

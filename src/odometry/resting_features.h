@@ -87,9 +87,19 @@ class RestingFeatures {
     int moved = 0;
   };
 
+  /// A motion that what rests may hold at rest.
+  struct StationaryMotion {
+    std::vector<IndexPair> inliers;  ///< (previous, current), without far points
+    std::vector<int> resting;        ///< of these, in the previous frame
+  };
+
   static constexpr int kCellSize_px = 16;
 
   static void count(bool rests, Counts* counts);
+  /// Nothing if tracking failed, found more of the scene than a moving camera does, or few rest.
+  std::optional<StationaryMotion> findStationary(const StereoFrame& prev, const StereoFrame& curr,
+                                                 const TrackingResult& tracked,
+                                                 const FrameContext& context) const;
   std::vector<int> restingOf(const std::vector<IndexPair>& matches, const StereoFrame& prev,
                              const StereoFrame& curr, const FrameContext& context) const;
   void countResting(const StereoFrame& prev, const StereoFrame& curr,
