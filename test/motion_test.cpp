@@ -37,8 +37,10 @@ TEST(MotionCost, BehindTheCameraIsRefused) {
   const Correspondences all = synthetic::matches(camera, synthetic::motion(), {1, 1}, 5);
   const MotionVector near{Vector3d::Zero(), synthetic::motion().translation()};
   const MotionVector far{Vector3d::Zero(), {0.0, 0.0, -30.0}};
-  const Correspondences point_alone{all.points, {}};
-  const Correspondences line_alone{{}, all.lines};
+  Correspondences point_alone = all;
+  point_alone.lines.clear();
+  Correspondences line_alone = all;
+  line_alone.points.clear();
   for (const Correspondences& some : {point_alone, line_alone}) {
     Cost::Points points(some.points, camera);
     Cost::Lines lines(some.lines, camera);

@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
 
+#include "geometry/rolling_shutter.h"
 #include "matching/patch_aligner.h"
 #include "motion/frame_context.h"
 #include "point_line_odometry/parameters.h"
@@ -158,6 +161,70 @@ TEST(AlignPoint, UsesTheOctaveOfThePatch) {
     EXPECT_GE(observation->sigma_px, floor_px) << octave;
     EXPECT_LT(observation->sigma_px, 0.5 * (1 << octave)) << octave;
   }
+}
+
+/// What a rolling shutter has seen, as of the stamp.
+class AtTheStamp : public ::testing::Test {
+ protected:
+  AtTheStamp() {
+    Vector6d velocity;
+    velocity << 2.0, 0.5, 8.0, 0.4, -1.0, 0.6;
+    context_.shutter = RollingShutter(0.03, velocity, Vector6d::Zero(), true);
+  }
+
+  /// Left and right pixel of a point in the camera at the stamp, when its row is exposed.
+  std::pair<Vector2f, Vector2f> seen(const Eigen::Vector3d& p) const {
+    const Eigen::Vector3d exposed = context_.shutter.whenExposed(camera_, p);
+    return {camera_.projectLeft(exposed).cast<float>(),
+            camera_.projectRight(exposed).cast<float>()};
+  }
+
+  StereoCamera camera_ = synthetic::camera();
+  Parameters parameters_;
+  StereoImages images_;
+  FrameContext context_{images_, camera_, StereoCorrection(), parameters_};
+};
+
+TEST_F(AtTheStamp, PointsAreWhereTheyWere) {
+  synthetic::Random random(5);
+  double most_moved_px = 0.0;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d p = synthetic::visiblePoint(camera_, &random);
+    const auto [left_px, right_px] = seen(p);
+    const Vector2f vertical(0.0F, 0.4F);
+    const PointObservation point = pointObservation(left_px, right_px + vertical, 0.3, context_);
+    EXPECT_LT((point.left_px - camera_.projectLeft(p)).norm(), 0.03) << i;
+    EXPECT_NEAR(point.right_px.x(), camera_.projectRight(p).x(), 0.03) << i;
+    EXPECT_NEAR(point.right_px.y() - point.left_px.y(), 0.4, 1e-4)
+        << "a vertical disparity remains";
+    most_moved_px = std::max(most_moved_px, (point.left_px - left_px.cast<double>()).norm());
+  }
+  EXPECT_GT(most_moved_px, 5.0);
+}
+
+/// Ends of the two segments that are not the same point of the line, too.
+TEST_F(AtTheStamp, LinesAreWhereTheyWere) {
+  synthetic::Random random(6);
+  int tried = 0;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d start = synthetic::visiblePoint(camera_, &random);
+    const Eigen::Vector3d end = synthetic::visiblePoint(camera_, &random);
+    // A short piece: the image of a long one is bent by the read-out.
+    const Eigen::Vector3d along = 0.3 * (end - start).normalized();
+    const auto at = [&](double share) { return Eigen::Vector3d(start + share * along); };
+    const Eigen::Vector2d direction = camera_.projectLeft(at(1.0)) - camera_.projectLeft(at(0.0));
+    if (std::abs(direction.y()) < 0.5 * direction.norm()) continue;  // hardly triangulated
+    ++tried;
+    DetectedFeatures features;
+    features.lines_left.push_back({{seen(at(0.0)).first, seen(at(1.0)).first}, {}});
+    features.lines_right.push_back({{seen(at(0.1)).second, seen(at(0.9)).second}, {}});
+    const LineObservation line = lineObservation(features, {0, 0, std::nullopt}, context_);
+    EXPECT_LT((line.left_start_px - camera_.projectLeft(at(0.0))).norm(), 0.1) << i;
+    EXPECT_LT((line.left_end_px - camera_.projectLeft(at(1.0))).norm(), 0.1) << i;
+    EXPECT_LT((line.right_start_px - camera_.projectRight(at(0.1))).norm(), 0.1) << i;
+    EXPECT_LT((line.right_end_px - camera_.projectRight(at(0.9))).norm(), 0.1) << i;
+  }
+  EXPECT_GT(tried, 30);
 }
 
 }  // namespace

@@ -331,6 +331,7 @@ const std::vector<Case>& cases() {
       {"tracking/standstill_hold", [](P p) { p->tracking.standstill_hold = false; }, standing},
       {"tracking/refine_calibration", [](P p) { p->tracking.refine_calibration = false; }, drive,
        frameToFrame},
+      {"tracking/rolling_shutter_ms", [](P p) { p->tracking.rolling_shutter_ms = 20.0; }},
       {"tracking/min_megapixels", [](P p) { p->tracking.min_megapixels = 0.2; }},
       {"tracking/max_prior_prediction_s", [](P p) { p->tracking.max_prior_prediction_s = 0.0; },
        darkness, withGyroscopeInTheDark},

@@ -99,6 +99,20 @@ TEST(RectifiedCamera, ReadsTheProjections) {
   EXPECT_EQ(camera.height, kHeight);
 }
 
+TEST(RectifiedCamera, KnowsHowManyRowsOfTheRawImageItShows) {
+  StereoCalibration pair = makeRectifiedPair();
+  EXPECT_NEAR(rectifiedCamera(pair).raw_rows, 1.0, 1e-6);
+  for (CameraCalibration* camera : {&pair.left, &pair.right})
+    camera->P.topLeftCorner<2, 2>() *= 1.25;
+  EXPECT_NEAR(rectifiedCamera(pair).raw_rows, 0.8, 1e-6) << "enlarged";
+  // A camera that is mounted upside down reads its rows out from below.
+  for (CameraCalibration* camera : {&pair.left, &pair.right})
+    camera->R = Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  EXPECT_NEAR(rectifiedCamera(pair).raw_rows, -0.8, 1e-6);
+  pair.left.K.setZero();
+  EXPECT_EQ(rectifiedCamera(pair).raw_rows, 1.0) << "only P is known, of rectified images";
+}
+
 TEST(RectifiedCamera, DisparityOfAPointByHand) {
   const StereoCamera camera = rectifiedCamera(makeRectifiedPair());
   const Eigen::Vector3d p_camera(0.5, 0.25, 5.0);  // disparity 500 * 0.2 / 5 = 20 px

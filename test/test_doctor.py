@@ -346,7 +346,7 @@ class SequenceBagTest(unittest.TestCase, ReportChecks):
         self.assertEqual(level, "WARN", text)
         read_out_ms = float(re.search(r"the last one ([\d.]+) ms after the first", text).group(1))
         self.assertAlmostEqual(read_out_ms, 25.0, delta=5.0)
-        self.assertIn("global shutter", text)
+        self.assertIn("set tracking/rolling_shutter_ms to ", text)
         self.assertEqual(lines["trigger"][0], "ok", lines["trigger"][1])
         bag = self.make_bag("synthetic:indoor,rotation=4,frames=60")
         self.assertEqual(parse(run("doctor", bag).stdout)["shutter"][0], "ok")

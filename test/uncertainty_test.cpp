@@ -260,6 +260,49 @@ TEST(EstimateMotion, CovarianceCoversACommonErrorOfDisparities) {
   }
 }
 
+/// As wrong as a velocity is with which a rolling shutter is corrected, so are the landmarks of the
+/// previous frame and the pixels of this one: by the more the further their rows are from the
+/// middle.
+TEST(EstimateMotion, CovarianceCoversAWrongVelocityInARollingShutter) {
+  const StereoCamera camera = synthetic::camera();
+  const Isometry3d ground_truth = synthetic::motion();
+  constexpr double kReadOut_s = 0.03;
+  constexpr double kSigma = 0.03;  // [m/s], [rad/s]
+  constexpr int kSeeds = 100;
+  synthetic::MatchOptions options{300, 0};
+  options.noise_px = options.sigma_px = 0.15;
+  double nees = 0.0;
+  double nees_if_right = 0.0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    Correspondences matches = synthetic::matches(camera, ground_truth, options, seed);
+    synthetic::Random random(seed);
+    const Vector6d error_before = random.normals<6>(kSigma);
+    const Vector6d error_now = random.normals<6>(kSigma);
+    const RollingShutter shutter(kReadOut_s, Vector6d::Zero(), Vector6d::Constant(kSigma * kSigma),
+                                 true);
+    const auto shift = [&](const Vector3d& p, const Vector6d& error) {
+      const double t = shutter.timeOf(camera, camera.projectLeft(p).y());
+      return Vector3d(t * (error.head<3>() + error.tail<3>().cross(p)));
+    };
+    for (PointCorrespondence& point : matches.points) {
+      const Vector3d p = ground_truth * point.p_prev;
+      const Vector3d seen = p + shift(p, error_now);
+      point.left_px += camera.projectLeft(seen) - camera.projectLeft(p);
+      point.right_px += camera.projectRight(seen) - camera.projectRight(p);
+      point.p_prev += shift(point.p_prev, error_before);
+    }
+    const MotionEstimate if_right = estimateMotion(matches, camera, ground_truth, {});
+    matches.shutter = shutter;
+    const MotionEstimate estimate = estimateMotion(matches, camera, ground_truth, {});
+    ASSERT_TRUE(estimate.ok() && if_right.ok()) << seed;
+    nees += squaredError(estimate, ground_truth) / kSeeds;
+    nees_if_right += squaredError(if_right, ground_truth) / kSeeds;
+  }
+  EXPECT_GT(nees, 3.0);  // 6 for exact covariances
+  EXPECT_LT(nees, 9.0);
+  EXPECT_GT(nees_if_right, 3.0 * nees);
+}
+
 TEST(EstimateMotion, CovarianceCoversAFewMatchesThatAreWrongTogether) {
   const StereoCamera camera = synthetic::camera();
   const Isometry3d ground_truth = synthetic::motion();

@@ -36,12 +36,13 @@ using Draw = std::function<void(std::size_t frame, StereoImages* images)>;
 /// Without masks. \param every every such frame of the world's path is taken. \param first frame of
 /// it.
 RunResult run(const SyntheticWorldOptions& options, std::size_t num_frames, std::size_t every = 1,
-              std::size_t first = 0, const Draw& draw = nullptr) {
+              std::size_t first = 0, const Draw& draw = nullptr,
+              const Parameters& parameters = {}) {
   const SyntheticWorld world(options);
   const StereoRectifier rectifier(world.calibration());
   Eigen::Isometry3d T_rectified_raw = Eigen::Isometry3d::Identity();
   if (world.needsRectification()) T_rectified_raw.linear() = rectifier.R_rectified_raw();
-  StereoOdometry odometry(rectifier.camera(), {});
+  StereoOdometry odometry(rectifier.camera(), parameters);
   RunResult run_result;
   for (std::size_t i = 0; i < num_frames; ++i) {
     const std::size_t k = first + i * every;
@@ -118,6 +119,45 @@ TEST_P(Consistency, NormalisedErrorsAreNotTooLarge) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Worlds, Consistency, ::testing::Values("street", "indoor"));
+
+double largestError(const RunResult& run_result) {
+  double largest = 0.0;
+  for (std::size_t k = 0; k < run_result.results.size(); ++k) {
+    const Eigen::Vector3d error = run_result.results[k].T_odom_camera.translation() -
+                                  run_result.ground_truth[k].translation();
+    largest = std::max(largest, error.norm());
+  }
+  return largest;
+}
+
+class RollingShutterWorld : public ::testing::TestWithParam<const char*> {};
+
+/// What each row shows is moved to the stamp: errors and covariances are those of a global shutter.
+TEST_P(RollingShutterWorld, IsFollowed) {
+  NormalisedErrors errors;
+  NormalisedErrors errors_without;
+  for (const int seed : {1, 2}) {
+    SyntheticWorldOptions options;
+    options.scene = GetParam();
+    options.seed = seed;
+    options.rotation = 2.0;
+    options.rolling_shutter_ms = 20.0;
+    Parameters parameters;
+    parameters.tracking.rolling_shutter_ms = 20.0;
+    const RunResult followed = run(options, 40, 1, 0, nullptr, parameters);
+    const RunResult ignored = run(options, 40);
+    append(followed, &errors);
+    append(ignored, &errors_without);
+    EXPECT_LT(largestError(followed), 0.5 * largestError(ignored)) << seed;
+  }
+  RecordProperty("mean_of_velocity", std::to_string(mean(errors.velocity)));
+  RecordProperty("mean_of_velocity_without", std::to_string(mean(errors_without.velocity)));
+  EXPECT_LT(mean(errors.velocity), 12.0);
+  EXPECT_LT(mean(errors.pose), 12.0);
+  EXPECT_GT(mean(errors_without.velocity), 2.0 * mean(errors.velocity));
+}
+
+INSTANTIATE_TEST_SUITE_P(Worlds, RollingShutterWorld, ::testing::Values("street", "indoor"));
 
 /// A yaw makes all disparities too large or too small: the first motion shows it. What is not known
 /// of it is in the covariance.

@@ -102,7 +102,8 @@ struct FrameCounts {
   int relocalizations = 0;    ///< 1 if the camera was relocalized after tracking was lost
 };
 
-/// A matched point, in the current left camera.
+/// A matched point, in the current left camera; with a rolling shutter its pixels are those of the
+/// images, its position that at the stamp.
 struct ObservedPoint {
   Eigen::Vector2f left_px = Eigen::Vector2f::Zero();   ///< pixel in the left image
   Eigen::Vector2f right_px = Eigen::Vector2f::Zero();  ///< pixel in the right image

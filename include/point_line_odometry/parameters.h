@@ -101,6 +101,7 @@ struct TrackingParameters {
   double max_turn_rate_deg_s = 400.0;
   bool standstill_hold = true;
   bool refine_calibration = true;
+  double rolling_shutter_ms = 0.0;
   double min_megapixels = 0.2;
   double max_megapixels = 1.0;
   int threads = 2;
@@ -301,6 +302,11 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("tracking/refine_calibration", p.tracking.refine_calibration,
         "online stereo calibration: estimate and correct a smooth displacement of the right image, "
         "also of a camera that was knocked");
+  visit(
+      "tracking/rolling_shutter_ms", p.tracking.rolling_shutter_ms, -200.0, 200.0, "ms",
+      "read-out time of a rolling shutter, from the first row of the raw image to the last one, as "
+      "the doctor measures it; the stamp is that of the middle row; negative: the last row comes "
+      "first; 0: a global shutter");
   visit(
       "tracking/min_megapixels", p.tracking.min_megapixels, 0.0, 1.0, "Mpx",
       "smaller images are processed at twice, three times, ... their size, which takes longer; 0: "

@@ -14,6 +14,9 @@ struct StereoCamera {
   double baseline_m = 0.0;  ///< distance of the two cameras
   int width = 0;            ///< of an image [px]
   int height = 0;           ///< of an image [px]
+  /// Rows of the raw left image for each of this one, in the mean, of a camera with a rolling
+  /// shutter: the time of a row follows from it. Negative if rectification turns the image over.
+  double raw_rows = 1.0;
 
   /// Throws std::invalid_argument that names the first invalid field, its value and what to do.
   void validate() const;
@@ -33,7 +36,8 @@ struct StereoCamera {
   /// The same camera, to the last bit.
   bool operator==(const StereoCamera& other) const {
     return fx == other.fx && fy == other.fy && cx == other.cx && cy == other.cy &&
-           baseline_m == other.baseline_m && width == other.width && height == other.height;
+           baseline_m == other.baseline_m && width == other.width && height == other.height &&
+           raw_rows == other.raw_rows;
   }
   /// Another camera.
   bool operator!=(const StereoCamera& other) const { return !(*this == other); }

@@ -59,6 +59,20 @@ Eigen::Matrix<double, 3, 4> toEigen34(const cv::Mat& P) {
   return result;
 }
 
+/// As StereoCamera::raw_rows, along the middle column; 1 if only P is given, of rectified images.
+double rawRows(const CameraCalibration& left) {
+  constexpr double kMost = 10.0;  // times as many, or as few
+  Eigen::Matrix2Xd ends(2, 2);
+  ends << 0.5 * left.width, 0.5 * left.width, 0.0, left.height;
+  try {
+    const Eigen::Matrix2Xd raw = rawPixels(left, ends);
+    const double rows = (raw(1, 1) - raw(1, 0)) / left.height;
+    if (std::abs(rows) < kMost && std::abs(rows) > 1.0 / kMost) return rows;
+  } catch (const std::invalid_argument&) {
+  }
+  return 1.0;
+}
+
 }  // namespace
 
 StereoCamera rectifiedCamera(const StereoCalibration& calibration) {
@@ -75,6 +89,7 @@ StereoCamera rectifiedCamera(const StereoCalibration& calibration) {
   camera.baseline_m = (P(0, 3) - calibration.right.P(0, 3)) / camera.fx;
   camera.width = calibration.left.width;
   camera.height = calibration.left.height;
+  camera.raw_rows = rawRows(calibration.left);
   requireBaseline(calibration, camera.baseline_m);
   camera.validate();
   return camera;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "geometry/triangulation.h"
 #include "map/bundle_list.h"
 #include "map/landmark_ids.h"
 #include "map/landmark_update.h"
@@ -35,6 +36,18 @@ Matrix6d rotateCovariance(const Eigen::Matrix3d& R, const Matrix6d& covariance) 
   Matrix6d blocks = Matrix6d::Zero();
   blocks.topLeftCorner<3, 3>() = blocks.bottomRightCorner<3, 3>() = R;
   return blocks * covariance * blocks.transpose();
+}
+
+/// Where the left image has a point, whose observation is as of the stamp.
+Eigen::Vector2f detectedPixel(const PointObservation& point, const FrameContext& context) {
+  if (context.shutter.isGlobal()) return point.left_px.cast<float>();
+  constexpr double kLeastDisparityPx = 0.01;  // noise may leave less of a far point's
+  const StereoCamera& camera = context.camera;
+  const double disparity_px = std::max(point.left_px.x() - point.right_px.x(), kLeastDisparityPx);
+  const Eigen::Vector3d p_camera = backProject(camera, point.left_px, disparity_px);
+  const Eigen::Vector2d pixel = camera.projectLeft(context.shutter.whenExposed(camera, p_camera));
+  const Eigen::Vector2d last(camera.width - 1, camera.height - 1);
+  return pixel.cwiseMax(0.0).cwiseMin(last).cast<float>();
 }
 
 /// Removes landmarks whose position is invalid.
@@ -122,11 +135,12 @@ LandmarkMatches LocalMap::find(const StereoFrame& frame, const FrameContext& con
 }
 
 Correspondences LocalMap::correspondences(const LandmarkMatches& landmark_matches,
-                                          const StereoCorrection& correction) const {
+                                          const FrameContext& context) const {
   const Eigen::Isometry3d T_previous_map = T_map_previous_.inverse();
   const Eigen::Matrix3d& R = T_previous_map.linear();
   Correspondences correspondences;
-  correspondences.disparity_error_px = correction.disparity_error_px;
+  correspondences.disparity_error_px = context.correction.disparity_error_px;
+  correspondences.shutter = context.shutter;
   correspondences.points.reserve(landmark_matches.points.size());
   for (const LandmarkMatches::Point& point : landmark_matches.points) {
     const PointEstimate& estimate = points_[point.landmark].estimate;
@@ -228,7 +242,7 @@ void LocalMap::addPoints(const StereoFrame& frame, const FrameContext& context,
                          const LandmarkCandidates& candidates, ThreadPool* threads) {
   PointBuckets buckets(context.camera, context.parameters.points.cell_size_px);
   for (const Entry<PointObservation>& seen : previous_.points)
-    buckets.occupy(seen.observation.left_px.cast<float>());
+    buckets.occupy(detectedPixel(seen.observation, context));
   const auto feature = [&](int i) -> const Keypoint& {
     return frame.features.points_left[frame.points[i].left];
   };
@@ -259,11 +273,9 @@ void LocalMap::addPoint(const StereoFrame& frame, const FrameContext& context,
   if (!point.estimate.value.allFinite() || !point.estimate.sqrt_covariance.allFinite()) return;
   point.id = next_landmark_++;
   point.statistics.last_keyframe = next_keyframe_;
-  PointObservation observation;
-  observation.left_px = frame.features.points_left[stereo.left].pixel.cast<double>();
-  observation.right_px = context.correction.apply(stereo.right_px.cast<double>());
-  observation.sigma_px = stereo.sigma_px;
-  previous_.points.push_back({point.id, observation});
+  const Eigen::Vector2f& left_px = frame.features.points_left[stereo.left].pixel;
+  previous_.points.push_back(
+      {point.id, pointObservation(left_px, stereo.right_px, stereo.sigma_px, context)});
   points_.push_back(point);
 }
 

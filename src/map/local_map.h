@@ -46,7 +46,7 @@ class LocalMap {
 
   /// The matches as correspondences for the motion since the previous frame.
   Correspondences correspondences(const LandmarkMatches& landmark_matches,
-                                  const StereoCorrection& correction) const;
+                                  const FrameContext& context) const;
 
   /// Adds a frame, which becomes the previous one: updates the landmarks of inlier matches, adds
   /// new landmarks where there are few, and makes it a keyframe if it observes few landmarks of the

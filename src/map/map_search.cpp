@@ -29,8 +29,9 @@ std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t inde
   const StereoCamera& camera = context.camera;
   const Eigen::Vector3d p = T_camera_map * point.estimate.value;
   if (!(p.z() > camera.baseline_m)) return std::nullopt;
-  const Eigen::Vector2d left = camera.projectLeft(p);
-  const Eigen::Vector2d right = camera.projectRight(p);
+  const Eigen::Vector3d p_exposed = context.shutter.whenExposed(camera, p);
+  const Eigen::Vector2d left = camera.projectLeft(p_exposed);
+  const Eigen::Vector2d right = camera.projectRight(p_exposed);
   constexpr int kMargin = PatchAligner::kSide / 2 + 2;
   const auto inside = [&](const Eigen::Vector2d& pixel) {
     return pixel.x() >= kMargin && pixel.y() >= kMargin && pixel.x() < camera.width - kMargin &&
@@ -117,8 +118,10 @@ void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_cam
   landmark_matches->line_in_view.resize(lines.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const LineEstimate::Value& ends = lines[i].estimate.value;
-    std::optional<ExpectedLine> segments = expectLine(context.camera, T_camera_map * ends.head<3>(),
-                                                      T_camera_map * ends.tail<3>(), 0.0);
+    const StereoCamera& camera = context.camera;
+    std::optional<ExpectedLine> segments =
+        expectLine(camera, context.shutter.whenExposed(camera, T_camera_map * ends.head<3>()),
+                   context.shutter.whenExposed(camera, T_camera_map * ends.tail<3>()), 0.0);
     landmark_matches->line_in_view[i] = segments && !context.masks.left.hides(segments->left) &&
                                         !context.masks.right.hides(segments->right);
     if (!segments) continue;

@@ -47,12 +47,14 @@ std::optional<TrackedPoint> track(const StereoFrame& previous, int index,
   const Keypoint& keypoint = previous.features.points_left[point.left];
   const int octave = keypoint.octave;
   const auto level = static_cast<std::size_t>(octave);
-  const Eigen::Vector3d p = search.prediction.T_curr_prev * point.triangulated.p_camera;
+  const MotionPrediction& prediction = search.prediction;
+  const Eigen::Vector3d p =
+      prediction.shutter.whenExposed(camera, prediction.T_curr_prev * point.triangulated.p_camera);
   if (!(p.z() > camera.baseline_m)) return std::nullopt;
   const CorrelationPatch patch(previous.left_image.levels[level],
                                previous.left_image.toLevel(keypoint.pixel, octave));
   const float radius =
-      std::min(static_cast<float>(search.prediction.radius_px) / left_image.ratio(octave).x(),
+      std::min(static_cast<float>(prediction.radius_px) / left_image.ratio(octave).x(),
                search.max_level_radius);
   const Vector2f expected_left = left_image.toLevel(camera.projectLeft(p).cast<float>(), octave);
   const auto left = patch.find(left_image.levels[level], around(expected_left, {radius, radius}));

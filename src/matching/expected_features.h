@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 
 #include "features/features.h"
+#include "geometry/rolling_shutter.h"
 
 namespace point_line_odometry {
 
@@ -10,6 +11,7 @@ namespace point_line_odometry {
 struct MotionPrediction {
   Eigen::Isometry3d T_curr_prev = Eigen::Isometry3d::Identity();
   double radius_px = 25.0;
+  RollingShutter shutter = {};  ///< of frame k
 };
 
 /// A known point, predicted in both images of frame k.

@@ -265,9 +265,12 @@ std::vector<IndexPair> matchLinesCircular(const StereoFrame& prev, const StereoF
   for (std::size_t i = 0; i < prev.lines.size(); ++i) {
     const StereoLine& line = prev.lines[i];
     if (!line.triangulated) continue;
+    const auto predict = [&](const Eigen::Vector3d& p_prev) {
+      return prediction.shutter.whenExposed(camera, prediction.T_curr_prev * p_prev);
+    };
     std::optional<ExpectedLine> expected_line =
-        expectLine(camera, prediction.T_curr_prev * line.triangulated->start_camera,
-                   prediction.T_curr_prev * line.triangulated->end_camera, prediction.radius_px);
+        expectLine(camera, predict(line.triangulated->start_camera),
+                   predict(line.triangulated->end_camera), prediction.radius_px);
     if (!expected_line) continue;
     expected_line->left_descriptor = prev.features.lines_left[line.left].descriptor;
     expected_line->right_descriptor = prev.features.lines_right[line.right].descriptor;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <opencv2/core/hal/intrin.hpp>
 
 #include "matching/patch_samples.h"
@@ -22,9 +23,9 @@ constexpr float kMaxResidual = 20.0F;   // RMS of the brightness difference [gre
 constexpr float kLeastResidual = 1.0F;  // sensor noise
 
 // At the edges of near things parallax changes the brightness of a patch, too: the ratio of the
-// mean brightnesses is one of exposures only if it, or its inverse, exceeds kMinExposure, and the
-// logarithm of that of the contrasts deviates from its own by less than this share of it.
-constexpr float kMinExposure = 1.15F;
+// mean brightnesses is one of exposures only if its logarithm exceeds kMinLogExposure, and that of
+// the contrasts deviates from it by less than this share of it.
+constexpr float kMinLogExposure = 0.14F;
 constexpr float kMaxContrastDeviation = 0.4F;
 constexpr float kLeastBrightness = 1.0F;  // mean that is divided by [grey levels]
 constexpr float kLeastVariance = 1.0F;
@@ -69,35 +70,30 @@ Eigen::Matrix<float, static_cast<int>(kCount), 1> vectorOf(const std::array<floa
 
 float dot(const Patch& a, const Patch& b) { return dots<1>({&a}, b)[0]; }
 
-/// Ones, but for the unused last column: the product with a patch is the patch's sum.
-constexpr Patch makeOnes() {
-  Patch ones{};
+/// Sum of the patch by columns, the unused last one left out.
+template <typename Function>
+float sumOf(const Patch& values, const Function& function) {
+  std::array<float, kPitch> sums{};
   for (int r = 0; r < kSide; ++r) {
-    for (int c = 0; c < kSide; ++c) ones[r * kPitch + c] = 1.0F;
+    for (int c = 0; c < kPitch; ++c) sums[c] += function(values[r * kPitch + c]);
   }
-  return ones;
+  return std::accumulate(sums.begin(), sums.begin() + kSide, 0.0F);
 }
-constexpr Patch kOnes = makeOnes();
 
-/// Mean squared deviation from a value.
+float meanOf(const Patch& values) {
+  return sumOf(values, [](float value) { return value; }) / kArea;
+}
+
 float varianceOf(const Patch& values, float mean) {
-  Patch deviations;
-  for (std::size_t i = 0; i < values.size(); ++i) deviations[i] = (values[i] - mean) * kOnes[i];
-  return dot(deviations, deviations) / kArea;
+  return sumOf(values, [mean](float value) { return (value - mean) * (value - mean); }) / kArea;
 }
 
-/// Subtracts their means from patches, and zeroes their unused last columns. Returns the means.
-template <std::size_t kCount>
-std::array<float, kCount> centre(const std::array<Patch*, kCount>& patches) {
-  std::array<const Patch*, kCount> summands;
-  std::copy(patches.begin(), patches.end(), summands.begin());
-  std::array<float, kCount> means = dots(summands, kOnes);
-  for (std::size_t k = 0; k < kCount; ++k) {
-    means[k] /= kArea;
-    for (std::size_t i = 0; i < kOnes.size(); ++i)
-      (*patches[k])[i] = ((*patches[k])[i] - means[k]) * kOnes[i];
-  }
-  return means;
+/// Subtracts the mean of the patch, and zeroes its unused last column. Returns the mean.
+float centre(Patch* values) {
+  const float mean = meanOf(*values);
+  for (float& value : *values) value -= mean;
+  for (int r = 0; r < kSide; ++r) (*values)[r * kPitch + kSide] = 0.0F;
+  return mean;
 }
 
 }  // namespace
@@ -120,10 +116,10 @@ void PatchAligner::prepare(const WidePatch& wide) {
       gy_[r * kPitch + c] = 0.5F * (p[kWidePitch] - p[-kWidePitch]);
     }
   }
-  const std::array<float, 3> means = centre<3>({&brightness_, &gx_, &gy_});
-  mean_brightness_ = std::max(means[0], kLeastBrightness);
-  mean_gx_ = means[1];
-  variance_ = std::max(dot(brightness_, brightness_) / kArea, kLeastVariance);
+  mean_brightness_ = std::max(centre(&brightness_), kLeastBrightness);
+  variance_ = std::max(varianceOf(brightness_, 0.0F), kLeastVariance);
+  mean_gx_ = centre(&gx_);
+  centre(&gy_);
   const std::array<const Patch*, 2> J{&gx_, &gy_};
   Jt_template_ = vectorOf(dots(J, brightness_));
   hessian_ << vectorOf(dots(J, gx_)), vectorOf(dots(J, gy_));
@@ -140,37 +136,36 @@ std::optional<AlignedPatch> PatchAligner::align(const cv::Mat& target,
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!samplePatch(target, pixel, &values)) return std::nullopt;
     // J^T (I - T). The gradients have zero mean: that of the brightness drops out.
-    const Eigen::Vector3f products = vectorOf(dots<3>({&gx_, &gy_, &kOnes}, values));
-    const float mean = products[2] / kArea;
-    const float ratio = exposure(values, mean);
-    const Eigen::Vector2f b = products.head<2>() / ratio - Jt_template_;
+    const float ratio = exposure(values);
+    const Eigen::Vector2f b = vectorOf(dots<2>({&gx_, &gy_}, values)) / ratio - Jt_template_;
     const Eigen::Vector2f step = inverse_hessian_ * b;
     pixel -= step;
     if ((pixel - initial_px).squaredNorm() > kMaxShiftPx * kMaxShiftPx) return std::nullopt;
     if (step.squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    const float rms = residual(values, mean, ratio);
+    const float rms = residual(ratio, &values);
     if (!(rms <= kMaxResidual)) return std::nullopt;
     return AlignedPatch{pixel, Eigen::Vector2f::Zero(), noise(rms)};
   }
   return std::nullopt;
 }
 
-float PatchAligner::exposure(const Patch& values, float mean) const {
+float PatchAligner::exposure(const Patch& values) const {
+  const float mean = meanOf(values);
   const float ratio = std::max(mean, kLeastBrightness) / mean_brightness_;
-  if (ratio < kMinExposure && ratio > 1.0F / kMinExposure) return 1.0F;
-  // Light that is added, as by glare, leaves the contrast as it is.
   const float brightness = std::log(ratio);
+  if (std::abs(brightness) < kMinLogExposure) return 1.0F;
+  // Light that is added, as by glare, leaves the contrast as it is.
   const float variance = std::max(varianceOf(values, mean), kLeastVariance);
   const float contrast = 0.5F * std::log(variance / variance_);
   const float deviation = std::abs(contrast - brightness) / std::abs(brightness);
   return deviation < kMaxContrastDeviation ? ratio : 1.0F;
 }
 
-float PatchAligner::residual(const Patch& values, float mean, float exposure) const {
-  Patch differences;
-  for (std::size_t i = 0; i < values.size(); ++i)
-    differences[i] = (values[i] - mean) * kOnes[i] / exposure - brightness_[i];
-  return std::sqrt(dot(differences, differences) / kArea);
+float PatchAligner::residual(float exposure, Patch* values) const {
+  centre(values);
+  for (std::size_t i = 0; i < values->size(); ++i)
+    (*values)[i] = (*values)[i] / exposure - brightness_[i];
+  return std::sqrt(dot(*values, *values) / kArea);
 }
 
 double PatchAligner::noise(float residual) const {
@@ -189,9 +184,8 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
       J_slope[1][r * kPitch + c] = gx * static_cast<float>(r - kHalf);
     }
   }
-  centre<2>({J_slope.data(), &J_slope[1]});
+  for (Patch& values : J_slope) centre(&values);
   const std::array<const Patch*, 4> J{&gx_, &gy_, J_slope.data(), &J_slope[1]};
-  const std::array<const Patch*, 5> J_and_ones{J[0], J[1], J[2], J[3], &kOnes};
   constexpr float kPrior = (kSlopeNoise / kSlopeDeviation) * (kSlopeNoise / kSlopeDeviation);
   Eigen::Vector4f Jt_template;
   Jt_template << Jt_template_, vectorOf(dots<2>({J_slope.data(), &J_slope[1]}, brightness_));
@@ -207,10 +201,8 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
   Patch values;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     if (!sampleSlantedPatch(target, seen, &values)) return std::nullopt;
-    const Eigen::Matrix<float, 5, 1> products = vectorOf(dots(J_and_ones, values));
-    const float mean = products[4] / kArea;
-    const float ratio = exposure(values, mean);
-    Eigen::Vector4f b = products.head<4>() / ratio - Jt_template;
+    const float ratio = exposure(values);
+    Eigen::Vector4f b = vectorOf(dots(J, values)) / ratio - Jt_template;
     b.tail<2>() += kPrior * seen.slope;
     const Eigen::Vector4f step = inverse_hessian * b;
     // Inverse compositional update: the warp so far, composed with the inverse of the step.
@@ -225,7 +217,7 @@ std::optional<AlignedPatch> PatchAligner::alignSlanted(const cv::Mat& target,
       return std::nullopt;
     }
     if (step.head<2>().squaredNorm() >= kConvergedPx * kConvergedPx) continue;
-    const float rms = residual(values, mean, ratio);
+    const float rms = residual(ratio, &values);
     if (!(rms <= kMaxSlantedResidual)) return std::nullopt;
     seen.noise_px = noise(rms);
     return seen;

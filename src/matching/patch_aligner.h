@@ -50,9 +50,9 @@ class PatchAligner {
 
  private:
   void prepare(const WidePatch& wide);
-  float exposure(const Patch& values, float mean) const;  // relative to that of this patch
-  float residual(const Patch& values, float mean, float exposure) const;  // RMS [grey levels]
-  double noise(float residual) const;                                     // of a coordinate [px]
+  float exposure(const Patch& values) const;            // relative to that of this patch
+  float residual(float exposure, Patch* values) const;  // RMS [grey levels]; spoils the values
+  double noise(float residual) const;                   // of a coordinate [px]
 
   Patch brightness_;  // each less its mean
   Patch gx_;

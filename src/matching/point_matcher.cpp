@@ -179,7 +179,8 @@ std::vector<IndexPair> matchPointsCircular(const StereoFrame& prev, const Stereo
   expected.reserve(prev.points.size());
   for (std::size_t i = 0; i < prev.points.size(); ++i) {
     const StereoPoint& point = prev.points[i];
-    const Eigen::Vector3d p_curr = prediction.T_curr_prev * point.triangulated.p_camera;
+    const Eigen::Vector3d p_curr = prediction.shutter.whenExposed(
+        camera, prediction.T_curr_prev * point.triangulated.p_camera);
     if (p_curr.z() < 0.1 * camera.baseline_m) continue;
     const Eigen::Vector2f left_px = camera.projectLeft(p_curr).cast<float>();
     if (!view.contains(left_px)) continue;

@@ -7,6 +7,7 @@
 
 #include "features/features.h"
 #include "features/image_pyramid.h"
+#include "geometry/rolling_shutter.h"
 #include "geometry/triangulation.h"
 #include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/types.h"
@@ -46,6 +47,7 @@ struct StereoFrame {
   cv::Mat right_image;      ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
   StereoCorrection correction;  ///< with which points and lines are located
+  RollingShutter shutter;       ///< the same, at the stamp
   std::vector<StereoPoint> points;
   std::vector<StereoLine> lines;
   /// Points that are not tracked, as features rest there while the scene moves.

@@ -3,12 +3,14 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "geometry/rolling_shutter.h"
 #include "point_line_odometry/stereo_correction.h"
 #include "point_line_odometry/types.h"
 
 namespace point_line_odometry {
 
-/// Observation of a point in a stereo frame; the right pixel with the stereo correction applied.
+/// Observation of a point in a stereo frame: the pixels of calibrated cameras with a global
+/// shutter, with the stereo correction and the rolling shutter's applied.
 struct PointObservation {
   Eigen::Vector2d left_px = Eigen::Vector2d::Zero();
   Eigen::Vector2d right_px = Eigen::Vector2d::Zero();
@@ -58,6 +60,7 @@ struct Correspondences {
   std::vector<LineCorrespondence> lines;
   /// Standard deviation of an error that all disparities have in common, as StereoCorrection's.
   double disparity_error_px = StereoCorrection::kCalibratedPx;
+  RollingShutter shutter;  ///< of frame k
 };
 
 }  // namespace point_line_odometry

@@ -4,6 +4,7 @@
 
 #include "features/feature_mask.h"
 #include "features/image_pyramid.h"
+#include "geometry/rolling_shutter.h"
 #include "motion/frame_intervals.h"
 #include "motion/noise_scale.h"
 #include "point_line_odometry/parameters.h"
@@ -24,7 +25,8 @@ struct FrameContext {
   /// The images, with their coarser levels where points of those are in use.
   ImagePyramid left = ImagePyramid(images.left);
   ImagePyramid right = ImagePyramid(images.right);
-  StereoMasks masks = {};  ///< with the same levels
+  StereoMasks masks = {};       ///< with the same levels
+  RollingShutter shutter = {};  ///< with the camera's velocity in this frame
 
   /// Time since an earlier frame, see FrameIntervals [s].
   double secondsSince(std::int64_t earlier_ns) const {

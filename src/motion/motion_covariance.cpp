@@ -44,12 +44,28 @@ double varianceFactor(const ResidualStatistics& statistics) {
   return (observed + kPriorResiduals) / (degrees_of_freedom + kPriorResiduals);
 }
 
+/// Covariance of J^T r by the error of the velocity in a rolling shutter. In the frame from which
+/// landmarks are it is as large.
+Matrix6d velocityError(const NormalEquations& equations, const RollingShutter& shutter,
+                       const Eigen::Isometry3d& T_curr_prev) {
+  if (shutter.isGlobal()) return Matrix6d::Zero();
+  constexpr double kFrames = 2.0;
+  // The solver rotates about the axes before the translation, the velocity after it.
+  Matrix6d perturbation_by_velocity = Matrix6d::Identity();
+  perturbation_by_velocity.bottomLeftCorner<3, 3>() = -skew(T_curr_prev.translation());
+  Vector6d variances;
+  variances << shutter.variances().tail<3>(), shutter.variances().head<3>();
+  const Matrix6d by_velocity = equations.by_velocity * perturbation_by_velocity;
+  return kFrames * by_velocity * variances.asDiagonal() * by_velocity.transpose();
+}
+
 }  // namespace
 
 NormalEquations& NormalEquations::operator+=(const NormalEquations& other) {
   information += other.information;
   shift_of_far += other.shift_of_far;
   by_disparity += other.by_disparity;
+  by_velocity += other.by_velocity;
   correlation += other.correlation;
   return *this;
 }
@@ -58,6 +74,7 @@ NormalEquations& NormalEquations::operator-=(const NormalEquations& other) {
   information -= other.information;
   shift_of_far -= other.shift_of_far;
   by_disparity -= other.by_disparity;
+  by_velocity -= other.by_velocity;
   correlation -= other.correlation;
   return *this;
 }
@@ -127,7 +144,8 @@ Matrix6d motionCovariance(const ResidualStatistics& statistics,
       varianceFactor(statistics) * (1.0 + kVarianceOfFewMatches / std::max(statistics.matches, 1));
   const Vector6d calibration_error = statistics.disparity_error_px * gain * equations.by_disparity;
   const Matrix6d of_perturbation =
-      scale * inverse + calibration_error * calibration_error.transpose();
+      scale * inverse + calibration_error * calibration_error.transpose() +
+      gain * velocityError(equations, statistics.shutter, T_curr_prev) * gain.transpose();
 
   // R_prev_curr = R^T and t_prev_curr = -R^T t under (exp(rotation) R, t + translation).
   const Eigen::Matrix3d R_t = T_curr_prev.linear().transpose();

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "geometry/rolling_shutter.h"
 #include "motion/patch_overlap.h"
 #include "point_line_odometry/residual_histogram.h"
 #include "point_line_odometry/stereo_camera.h"
@@ -18,6 +19,9 @@ struct NormalEquations {
   Matrix6d shift_of_far = Matrix6d::Zero();
   /// Derivative of J^T r by a common error of all disparities [1 / px].
   Vector6d by_disparity = Vector6d::Zero();
+  /// Derivative of J^T r by the camera's velocity in a rolling shutter, in the solver's order [s]:
+  /// what is exposed later by t has moved on by a motion of t.
+  Matrix6d by_velocity = Matrix6d::Zero();
   /// Covariance of J^T r beyond J^T J, as residuals are correlated.
   Matrix6d correlation = Matrix6d::Zero();
 
@@ -74,12 +78,14 @@ class ImageInformation {
 /// say; the noise of the others does not follow from them.
 struct ResidualStatistics {
   /// \param disparity_error that all disparities have in common: its standard deviation [px]. It
-  /// does not average out over a frame's points.
-  ResidualStatistics(const StereoCamera& camera, double disparity_error)
-      : information(camera), disparity_error_px(disparity_error) {}
+  /// does not average out over a frame's points, nor does the error of the velocity in the shutter.
+  ResidualStatistics(const StereoCamera& camera, double disparity_error,
+                     const RollingShutter& shutter_of_frame)
+      : information(camera), disparity_error_px(disparity_error), shutter(shutter_of_frame) {}
 
   ImageInformation information;
   double disparity_error_px;
+  RollingShutter shutter;
   double sum_psi2 = 0.0;            ///< of psi(r)^2
   double sum_weights = 0.0;         ///< of the Huber weights, of all rows
   double sum_psi_derivative = 0.0;  ///< of psi'(r), of all rows

@@ -29,6 +29,7 @@ class MotionProblemOf final : public MotionProblem {
         parameters_(parameters),
         threads_(threads),
         disparity_error_px_(correspondences.disparity_error_px),
+        shutter_(correspondences.shutter),
         points_(correspondences.points, camera),
         lines_(correspondences.lines, camera) {}
 
@@ -157,17 +158,19 @@ class MotionProblemOf final : public MotionProblem {
   }
 
   ResidualStatistics statistics(const Eigen::Isometry3d& T_curr_prev) const override {
-    ResidualStatistics statistics(camera(), disparity_error_px_);
+    ResidualStatistics statistics(camera(), disparity_error_px_, shutter_);
     const auto add = [&](const auto& residual, const auto& sqrt_information, const auto& match,
                          ResidualHistogram* histogram) {
       const auto whitened = (sqrt_information * residual.value).eval();
       const double norm = whitened.norm();
       const double huber_weight = HuberLoss(whitened.squaredNorm(), parameters_.huber_delta).weight;
       const auto J = (sqrt_information * residual.jacobianByMotion()).eval();
-      statistics.information.add(pixelOf(match),
-                                 {huber_weight * J.transpose() * J,
-                                  huber_weight * shiftOfFar(residual, sqrt_information, match),
-                                  huber_weight * byDisparity(residual, sqrt_information, match)});
+      const Matrix6d information = huber_weight * J.transpose() * J;
+      statistics.information.add(
+          pixelOf(match),
+          {information, huber_weight * shiftOfFar(residual, sqrt_information, match),
+           huber_weight * byDisparity(residual, sqrt_information, match),
+           shutter_.timeOf(camera(), pixelOf(match).y()) * information});
       const auto rows = static_cast<int>(residual.value.size());
       statistics.squares_px += residual.value.squaredNorm();
       statistics.rows += rows;
@@ -257,6 +260,7 @@ class MotionProblemOf final : public MotionProblem {
   const MotionParameters& parameters_;
   ThreadPool* threads_;
   double disparity_error_px_;
+  RollingShutter shutter_;
   WeightedMatches<PointResidual<kImages>> points_;
   WeightedMatches<LineResidual<kImages>> lines_;
 };

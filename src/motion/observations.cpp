@@ -4,6 +4,48 @@
 #include <cmath>
 
 namespace point_line_odometry {
+namespace {
+
+/// Moves the pixels of a point to where they would have been at the stamp. What their rows differ
+/// by remains.
+void toStamp(const FrameContext& context, Eigen::Vector2d* left_px, Eigen::Vector2d* right_px) {
+  if (context.shutter.isGlobal()) return;
+  const PixelWithDisparity at_stamp =
+      context.shutter.atStamp(context.camera, {*left_px, left_px->x() - right_px->x()});
+  right_px->x() = at_stamp.left_px.x() - at_stamp.disparity_px;
+  right_px->y() += at_stamp.left_px.y() - left_px->y();
+  *left_px = at_stamp.left_px;
+}
+
+/// Column of a segment at a row, or at the next one that it reaches if it is prolonged by half; of
+/// its middle if it hardly changes rows.
+double columnAt(const Eigen::Vector2d& start, const Eigen::Vector2d& end, double row) {
+  constexpr double kLeastSlope = 0.1;  // rows by columns
+  constexpr double kMostBeyond = 0.5;  // of the length
+  const Eigen::Vector2d along = end - start;
+  const bool crosses = std::abs(along.y()) > kLeastSlope * std::abs(along.x());
+  const double share = crosses ? (row - start.y()) / along.y() : 0.5;
+  return start.x() + std::clamp(share, -kMostBeyond, 1.0 + kMostBeyond) * along.x();
+}
+
+/// The same for the ends of a line's segments. The partner of an end is on the other segment, in
+/// the same row.
+void toStamp(const FrameContext& context, LineObservation* line) {
+  if (context.shutter.isGlobal()) return;
+  const LineObservation seen = *line;
+  for (const auto end : {&LineObservation::left_start_px, &LineObservation::left_end_px}) {
+    Eigen::Vector2d right_px(columnAt(seen.right_start_px, seen.right_end_px, (seen.*end).y()),
+                             (seen.*end).y());
+    toStamp(context, &(line->*end), &right_px);
+  }
+  for (const auto end : {&LineObservation::right_start_px, &LineObservation::right_end_px}) {
+    Eigen::Vector2d left_px(columnAt(seen.left_start_px, seen.left_end_px, (seen.*end).y()),
+                            (seen.*end).y());
+    toStamp(context, &left_px, &(line->*end));
+  }
+}
+
+}  // namespace
 
 double levelScale(const Keypoint& keypoint, const Parameters& parameters) {
   return std::pow(parameters.points.scale_factor, keypoint.octave);
@@ -25,8 +67,11 @@ double lineSigma(const FrameContext& context, const LineSegment& left, const Lin
 }
 
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,
-                                  double sigma_px, const StereoCorrection& correction) {
-  return {left_px.cast<double>(), correction.apply(right_px.cast<double>()), sigma_px};
+                                  double sigma_px, const FrameContext& context) {
+  PointObservation observation{left_px.cast<double>(),
+                               context.correction.apply(right_px.cast<double>()), sigma_px};
+  toStamp(context, &observation.left_px, &observation.right_px);
+  return observation;
 }
 
 LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
@@ -39,6 +84,7 @@ LineObservation lineObservation(const DetectedFeatures& features, const StereoLi
   observation.right_start_px = context.correction.apply(right.start.cast<double>());
   observation.right_end_px = context.correction.apply(right.end.cast<double>());
   observation.sigma_px = lineSigma(context, left, right, features.lines_left[line.left].scale);
+  toStamp(context, &observation);
   return observation;
 }
 
@@ -66,8 +112,7 @@ std::optional<PointObservation> alignPoint(const StereoPatch& patch, int octave,
   const double max_rows = scale * context.parameters.matching.max_row_difference_px;
   if (!right) return std::nullopt;
   const double sigma_px = pointSigma(context, std::max(left->noise_px, right->noise_px), scale);
-  PointObservation observation =
-      pointObservation(left->pixel, right->pixel, sigma_px, context.correction);
+  PointObservation observation = pointObservation(left->pixel, right->pixel, sigma_px, context);
   if (std::abs(observation.right_px.y() - observation.left_px.y()) > max_rows) return std::nullopt;
   observation.patch_px = scale * PatchAligner::kSide;
   return observation;

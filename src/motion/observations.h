@@ -28,11 +28,12 @@ double pointSigma(const FrameContext& context, double alignment_noise_px, double
 double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right,
                  double scale);
 
-/// The observation of a point at its pixels in the two images.
+/// The observation of a point at its pixels in the two images, as of a calibrated camera at the
+/// stamp.
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,
-                                  double sigma_px, const StereoCorrection& correction);
+                                  double sigma_px, const FrameContext& context);
 
-/// The observation of a stereo line of a frame.
+/// The same for a stereo line of a frame.
 LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
                                 const FrameContext& context);
 

@@ -81,9 +81,8 @@ MotionConsensus consensusOf(const std::vector<TrackedPoint>& tracked, const Ster
     if (before.far) continue;
     const double sigma_px =
         levelScale(previous.features.points_left[before.left], context.parameters);
-    matches.push_back(
-        {pointObservation(point.left_px, point.right_px, sigma_px, context.correction),
-         before.triangulated.p_camera});
+    matches.push_back({pointObservation(point.left_px, point.right_px, sigma_px, context),
+                       before.triangulated.p_camera});
   }
   return findConsensus(matches, context.camera).value_or(MotionConsensus());
 }
@@ -94,7 +93,8 @@ MotionConsensus consensusOf(const std::vector<TrackedPoint>& tracked, const Ster
 std::vector<TrackedPoint> track(const TrackingStart& start, const FrameContext& context,
                                 ThreadPool* threads) {
   const StereoFrame& previous = start.previous;
-  const auto trackIn = [&](const CorrelationSearch& search) {
+  const auto trackIn = [&](CorrelationSearch search) {
+    search.prediction.shutter = context.shutter;
     return trackByCorrelation(previous, context.left, context.right, context.masks, context.camera,
                               search, threads);
   };

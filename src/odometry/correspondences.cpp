@@ -51,8 +51,7 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   const double sigma_px =
       pointSigma(context, std::max(left.noise_px, right.noise_px),
                  levelScale(earlier.features.points_left[before.left], context.parameters));
-  PointObservation observation =
-      pointObservation(left.pixel, right.pixel, sigma_px, context.correction);
+  PointObservation observation = pointObservation(left.pixel, right.pixel, sigma_px, context);
   observation.patch_px = patch_px;
   return {observation, before.triangulated.p_camera, before.triangulated.covariance, before.far};
 }
@@ -65,6 +64,7 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
                                     const FrameContext& context, ThreadPool* threads) {
   Correspondences correspondences;
   correspondences.disparity_error_px = context.correction.disparity_error_px;
+  correspondences.shutter = context.shutter;
   correspondences.points.resize(matches.points.size());
   const auto make_points = [&](int, std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

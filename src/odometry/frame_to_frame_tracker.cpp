@@ -70,7 +70,8 @@ TrackingResult FrameToFrameTracker::trackNear(const StereoFrame& earlier, const 
                                               const ExpectedMotion& expected,
                                               const TrackingStages& stages,
                                               ThreadPool* threads) const {
-  const MotionPrediction& prediction = expected.prediction;
+  MotionPrediction prediction = expected.prediction;
+  prediction.shutter = context_.shutter;
   TrackingResult tracked;
   {
     const StageTimer timer(times_, stages.match);
@@ -126,8 +127,8 @@ bool FrameToFrameTracker::isConfirmedByMap(const MotionEstimate& motion, const S
   const LandmarkMatches matches =
       map.find(curr, context_, map.T_map_previous() * motion.T_curr_prev.inverse(), threads);
   const MotionEstimate against_map =
-      estimateMotion(map.correspondences(matches, context_.correction), context_.camera,
-                     motion.T_curr_prev, parameters_.motion, threads);
+      estimateMotion(map.correspondences(matches, context_), context_.camera, motion.T_curr_prev,
+                     parameters_.motion, threads);
   return isConfirmed(map, matches, against_map);
 }
 

@@ -108,8 +108,8 @@ TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
     tracked.landmark_matches =
         map.find(curr, context_, map.T_map_previous() * T_curr_previous->inverse(), threads_);
     tracked.motion =
-        estimateMotion(map.correspondences(tracked.landmark_matches, context_.correction),
-                       context_.camera, *T_curr_previous, parameters_.motion, threads_);
+        estimateMotion(map.correspondences(tracked.landmark_matches, context_), context_.camera,
+                       *T_curr_previous, parameters_.motion, threads_);
     T_curr_previous =
         tracked.motion.ok() ? std::make_optional(tracked.motion.T_curr_prev) : std::nullopt;
   }
@@ -172,8 +172,7 @@ void FrameTracker::trackLocalMap(const StereoFrame& curr, const ExpectedMotion& 
                                                  : expected.prediction.T_curr_prev;
   tracked->landmark_matches = history_.map->find(
       curr, context_, history_.map->T_map_previous() * T_curr_previous.inverse(), threads_);
-  Correspondences matches =
-      history_.map->correspondences(tracked->landmark_matches, context_.correction);
+  Correspondences matches = history_.map->correspondences(tracked->landmark_matches, context_);
   const Correspondences& frame_to_frame = tracked->correspondences;
   const auto size = [](const Correspondences& c) {
     return static_cast<double>(c.points.size() + c.lines.size());

@@ -79,6 +79,10 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
   const double dt_s = sinceLast(context);
+  if (measured && !tracked.weak) {
+    shutter.learn(history.previous->shutter, velocityAtPrevious(context),
+                  tracked.motion.T_curr_prev, context.secondsSince(history.previous->stamp_ns));
+  }
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0 && !tracked.ambiguous, agreed);
@@ -182,6 +186,7 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
     return false;
   }
   resting.leaveOut(&*history.previous);
+  history.previous->shutter = history.previous->shutter.notMeasured();
   history.before_previous.reset();
   restartMap(context.parameters);
   pose.loseVelocity();
@@ -212,6 +217,32 @@ void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
   }
 }
 
+RollingShutter OdometryState::predictedShutter(const FrameContext& context) const {
+  const auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
+  return shutter.predicted(velocity, sinceLast(context), context.parameters);
+}
+
+RollingShutter OdometryState::measuredShutter(const TrackingResult& tracked,
+                                              const FrameContext& context) const {
+  return shutter.measured(tracked.motion.T_curr_prev,
+                          context.secondsSince(history.previous->stamp_ns),
+                          velocityAtPrevious(context), context.parameters);
+}
+
+/// Not current unless it is from the motion to the previous frame.
+std::optional<CameraVelocity> OdometryState::velocityAtPrevious(const FrameContext& context) const {
+  auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
+  if (velocity && velocity->stamp_ns != history.previous->stamp_ns) velocity->is_current = false;
+  return velocity;
+}
+
+void OdometryState::locateInMotion(const FrameContext& context) {
+  FrameContext of_previous = context;
+  of_previous.correction = history.previous->correction;
+  triangulateAgain(of_previous, &*history.previous);
+  history.before_previous.reset();
+}
+
 StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
                                              const std::optional<CalibrationEvidence>& motion,
                                              const Parameters& parameters) const {
@@ -222,7 +253,9 @@ StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
 }
 
 void OdometryState::locateAgain(const FrameContext& context) {
-  triangulateAgain(context, &*history.previous);
+  FrameContext of_previous = context;
+  of_previous.shutter = history.previous->shutter;
+  triangulateAgain(of_previous, &*history.previous);
   history.before_previous.reset();
   restartMap(context.parameters);
 }

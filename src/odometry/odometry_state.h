@@ -9,6 +9,7 @@
 #include "motion/noise_scale.h"
 #include "motion/online_stereo_calibration.h"
 #include "odometry/coarser_points.h"
+#include "odometry/frame_shutter.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
 #include "odometry/repeated_images.h"
@@ -54,6 +55,7 @@ struct OdometryState {
   std::optional<LostMap> lost;
   OdometryPose pose;
   OnlineStereoCalibration stereo_calibration;
+  FrameShutter shutter;
   NoiseScale noise;
   PriorChain priors;
   RestingFeatures resting;  ///< on the robot's own body
@@ -104,6 +106,14 @@ struct OdometryState {
   void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
                          const FrameContext& context, TrackingResult* tracked) const;
 
+  /// The rolling shutter of a frame before its motion is known, and by its motion.
+  RollingShutter predictedShutter(const FrameContext& context) const;
+  RollingShutter measuredShutter(const TrackingResult& tracked, const FrameContext& context) const;
+
+  /// Locates the previous frame, whose own motion was not known, with the velocity of the context's
+  /// rolling shutter.
+  void locateInMotion(const FrameContext& context);
+
   /// The correction of the right image as a frame and its motion will leave it.
   StereoCorrection correctionBy(const StereoFrame& curr,
                                 const std::optional<CalibrationEvidence>& motion,
@@ -130,14 +140,15 @@ struct OdometryState {
 
   auto state() {
     auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
-           calibration, noise_of_this, priors_of_this, resting_of_this, repeated_of_this, failed] =
-        *this;
+           calibration, shutter_of_this, noise_of_this, priors_of_this, resting_of_this,
+           repeated_of_this, failed] = *this;
     return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
-                    pose_of_this, calibration, noise_of_this, priors_of_this, resting_of_this,
-                    repeated_of_this, failed);
+                    pose_of_this, calibration, shutter_of_this, noise_of_this, priors_of_this,
+                    resting_of_this, repeated_of_this, failed);
   }
 
  private:
+  std::optional<CameraVelocity> velocityAtPrevious(const FrameContext& context) const;
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);

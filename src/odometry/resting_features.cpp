@@ -136,7 +136,7 @@ std::optional<MovingScene> findMovingScene(const std::vector<IndexPair>& matches
     const StereoPoint& before = prev.points[match.first];
     const StereoPoint& now = curr.points[match.second];
     moving.push_back({pointObservation(leftPixel(curr, now), now.right_px,
-                                       levelScaleOf(prev, before, context), context.correction),
+                                       levelScaleOf(prev, before, context), context),
                       before.triangulated.p_camera});
   }
   const std::optional<MotionConsensus> consensus = findConsensus(moving, context.camera);

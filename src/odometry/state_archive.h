@@ -106,8 +106,10 @@ inline auto stateOf(ImagePyramid& pyramid) {
 }
 
 inline auto stateOf(StereoFrame& frame) {
-  auto& [stamp_ns, left_image, right_image, features, correction, points, lines, resting] = frame;
-  return std::tie(stamp_ns, left_image, right_image, features, correction, points, lines, resting);
+  auto& [stamp_ns, left_image, right_image, features, correction, shutter, points, lines, resting] =
+      frame;
+  return std::tie(stamp_ns, left_image, right_image, features, correction, shutter, points, lines,
+                  resting);
 }
 
 inline auto stateOf(CameraVelocity& velocity) {

@@ -12,6 +12,7 @@
 #include "motion/frame_context.h"
 #include "odometry/coarser_points.h"
 #include "odometry/frame_report.h"
+#include "odometry/frame_shutter.h"
 #include "odometry/image_scaling.h"
 #include "odometry/odometry_state.h"
 #include "odometry/relocalization.h"
@@ -82,6 +83,7 @@ class StereoOdometry::Impl {
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
   TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
                      FrameResult* result);
+  void trackWithShutter(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
   void recalibrate(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
   void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
@@ -148,6 +150,7 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
                                          const FramePrior& prior, FrameResult* result) {
   // Match left with right, triangulate.
   const auto start = state.trackingStart(context, prior);
+  context.shutter = state.predictedShutter(context);
   StereoFrame frame =
       matchFeatures(std::move(detected), &detector, start, &context, threads.get(), &result->times);
 
@@ -156,16 +159,55 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   // Match with the previous frame and the map, estimate the motion.
   state.followCorrection(context);
   state.resting.leaveOut(&frame);
-  TrackingResult tracking =
-      trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
-  if (state.leaveOutResting(frame, context, threads.get(), &tracking)) {
-    state.resting.leaveOut(&frame);
-    tracking = trackOrRelocalize(state, frame, prior, context, threads.get(), &result->times);
-    state.coverOtherMotions(std::nullopt, frame, context, &tracking);
+  TrackedFrame tracked{std::move(context), std::move(frame), {}};
+  trackWithShutter(prior, &tracked, result);
+  if (state.leaveOutResting(tracked.frame, tracked.context, threads.get(), &tracked.tracking)) {
+    state.resting.leaveOut(&tracked.frame);
+    trackWithShutter(prior, &tracked, result);
+    state.coverOtherMotions(std::nullopt, tracked.frame, tracked.context, &tracked.tracking);
   }
-  TrackedFrame tracked{std::move(context), std::move(frame), std::move(tracking)};
   recalibrate(prior, &tracked, result);
   return tracked;
+}
+
+/// Tracks the frame. What a rolling shutter shows depends on the velocity, which the frame's motion
+/// tells better than it was predicted: where it shows the features elsewhere, they are located and
+/// tracked again. So are those of a previous frame whose own motion was not known.
+void StereoOdometry::Impl::trackWithShutter(const FramePrior& prior, TrackedFrame* tracked,
+                                            FrameResult* result) {
+  constexpr int kMaxTimes = 3;
+  constexpr double kSame_px = 0.05;
+  FrameContext& context = tracked->context;
+  tracked->tracking =
+      trackOrRelocalize(state, tracked->frame, prior, context, threads.get(), &result->times);
+  for (int i = 0; i < kMaxTimes && !context.shutter.isGlobal(); ++i) {
+    const TrackingResult& tracking = tracked->tracking;
+    if (tracking.reason != TrackingReason::kNone || tracking.relocalized) return;
+    const RollingShutter used = context.shutter;
+    const RollingShutter measured = state.measuredShutter(tracking, context);
+    const bool knows_previous = state.history.previous->shutter.isMeasured();
+    tracked->frame.shutter = measured;
+    if (knows_previous && rmsDifference(measured, used, tracked->frame, context.camera) < kSame_px)
+      return;
+    context.shutter = measured;
+    std::optional<OdometryState> located;
+    if (!knows_previous) {
+      located = state;
+      located->locateInMotion(context);
+    }
+    StereoFrame frame = tracked->frame;
+    triangulateAgain(context, &frame);
+    TrackingResult again = trackOrRelocalize(located ? *located : state, frame, prior, context,
+                                             threads.get(), &result->times);
+    if (again.reason != TrackingReason::kNone || again.relocalized) {
+      tracked->frame.shutter = context.shutter = used;
+      return;
+    }
+    again.tried_lost_map |= tracking.tried_lost_map;
+    if (located) state = *std::move(located);
+    tracked->frame = std::move(frame);
+    tracked->tracking = std::move(again);
+  }
 }
 
 /// Where a motion shows that the right camera was knocked, the landmarks of both frames are wrong,
@@ -262,6 +304,7 @@ void StereoOdometry::Impl::setCamera(const StereoCamera& camera) {
   state.noise = NoiseScale();
   state.resting = RestingFeatures(scaling.camera());
   state.repeated = RepeatedImages();
+  state.shutter = FrameShutter();
   state.intervals = FrameIntervals();
   restartTracking();
 }
@@ -280,9 +323,11 @@ void StereoOdometry::Impl::setParameters(const Parameters& wanted) {
   if (!wanted.matching.wide_search) state.resting = RestingFeatures(scaling.camera());
   if (ImageScaling(input_camera, wanted.tracking).camera() != scaling.camera())
     setCamera(input_camera);
-  // Descriptors, and the sizes of the levels in which points were found, mean something else.
+  // Descriptors, the sizes of the levels in which points were found, or positions mean something
+  // else.
   if (isChanged(before, wanted, "points/descriptor") ||
-      isChanged(before, wanted, "points/scale_factor"))
+      isChanged(before, wanted, "points/scale_factor") ||
+      isChanged(before, wanted, "tracking/rolling_shutter_ms"))
     restartTracking();
   if (isChanged(before, wanted, "window/") || isChanged(before, wanted, "local_map/")) {
     window.discard();

@@ -74,12 +74,14 @@ std::optional<StereoPoint> align(const DetectedFeatures& features, const IndexPa
   return point;
 }
 
-/// Locates an aligned point of a frame. False if it cannot be a stereo point.
+/// Locates an aligned point of a frame at the stamp. False if it cannot be a stereo point.
 bool triangulate(const StereoFrame& frame, const FrameContext& context, StereoPoint* point) {
   const Keypoint& left = frame.features.points_left[point->left];
   const MatchingParameters& matching = context.parameters.matching;
-  const Eigen::Vector2d left_px = left.pixel.cast<double>();
-  const double right_u_px = context.correction.apply(point->right_px.cast<double>()).x();
+  const PointObservation seen =
+      pointObservation(left.pixel, point->right_px, point->sigma_px, context);
+  const Eigen::Vector2d& left_px = seen.left_px;
+  const double right_u_px = seen.right_px.x();
   // A disparity of less than a pixel of its level is noise.
   const double min_disparity_px =
       matching.min_disparity_px * frame.left_image.ratio(left.octave).maxCoeff();
@@ -99,13 +101,13 @@ bool triangulate(const StereoFrame& frame, const FrameContext& context, StereoPo
 }
 
 /// The same for a line, of which the position may be missing.
-std::optional<TriangulatedLine> triangulate(const DetectedFeatures& features, int left_index,
-                                            int right_index, const FrameContext& context) {
-  const LineFeature& left = features.lines_left[left_index];
-  const LineSegment right = context.correction.apply(features.lines_right[right_index].segment);
-  const double sigma_px = lineSigma(context, left.segment, right, left.scale);
-  return triangulateLine(context.camera, left.segment, right, sigma_px,
-                         lineLimits(context.parameters));
+std::optional<TriangulatedLine> triangulate(const DetectedFeatures& features,
+                                            const StereoLine& line, const FrameContext& context) {
+  const LineObservation seen = lineObservation(features, line, context);
+  const LineSegment left{seen.left_start_px.cast<float>(), seen.left_end_px.cast<float>()};
+  const LineSegment right{seen.right_start_px.cast<float>(), seen.right_end_px.cast<float>()};
+  const double sigma_px = lineSigma(context, left, right, features.lines_left[line.left].scale);
+  return triangulateLine(context.camera, left, right, sigma_px, lineLimits(context.parameters));
 }
 
 }  // namespace
@@ -127,20 +129,23 @@ void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext
 void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext& context,
                       StereoFrame* frame) {
   for (const IndexPair& match : matches) {
-    frame->lines.push_back({match.first, match.second,
-                            triangulate(frame->features, match.first, match.second, context)});
+    StereoLine line{match.first, match.second, std::nullopt};
+    line.triangulated = triangulate(frame->features, line, context);
+    frame->lines.push_back(line);
   }
 }
 
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame) {
   frame->correction = context.correction;
+  frame->shutter = context.shutter;
   triangulatePoints(matches.points, context, threads, frame);
   triangulateLines(matches.lines, context, frame);
 }
 
 void triangulateAgain(const FrameContext& context, StereoFrame* frame) {
   frame->correction = context.correction;
+  frame->shutter = context.shutter;
   for (std::vector<StereoPoint>* points : {&frame->points, &frame->resting_points}) {
     std::vector<StereoPoint> located;
     located.reserve(points->size());
@@ -150,7 +155,7 @@ void triangulateAgain(const FrameContext& context, StereoFrame* frame) {
     *points = std::move(located);
   }
   for (StereoLine& line : frame->lines)
-    line.triangulated = triangulate(frame->features, line.left, line.right, context);
+    line.triangulated = triangulate(frame->features, line, context);
 }
 
 }  // namespace point_line_odometry

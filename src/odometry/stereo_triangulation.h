@@ -25,8 +25,8 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame);
 
-/// Locates the points and lines of a frame again, with another correction of the right image. What
-/// it cannot locate becomes as above.
+/// Locates the points and lines of a frame again, with another correction of the right image or
+/// another velocity in its rolling shutter. What it cannot locate becomes as above.
 void triangulateAgain(const FrameContext& context, StereoFrame* frame);
 
 }  // namespace point_line_odometry

@@ -34,9 +34,9 @@ std::vector<PointCorrespondence> matchWholeImage(const ReferencePoints& known,
   for (const IndexPair& match : matchByAppearance(known.descriptors, stereoDescriptors(curr),
                                                   context.parameters.matching, threads)) {
     const StereoPoint& now = curr.points[match.second];
-    points.push_back({pointObservation(curr.features.points_left[now.left].pixel, now.right_px, 1.0,
-                                       context.correction),
-                      known.positions[match.first]});
+    points.push_back(
+        {pointObservation(curr.features.points_left[now.left].pixel, now.right_px, 1.0, context),
+         known.positions[match.first]});
   }
   return points;
 }

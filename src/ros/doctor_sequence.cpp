@@ -60,8 +60,10 @@ DoctorLine evaluateShutter(const SequenceMeasurement& sequence) {
             milliseconds(read_out_s) + " after the " +
             (*sequence.read_out_s > 0.0 ? "first" : "last") + " (+- " +
             milliseconds(sequence.read_out_sigma_s) + ", from the motion in the images)",
-        "use a camera with a global shutter, or turn slowly: the odometry takes all rows as of one "
-        "instant; a higher frame rate mode often reads out faster");
+        "set tracking/rolling_shutter_ms to " + number(1e3 * *sequence.read_out_s, 1) +
+            ": without it the odometry takes all rows as of one instant; a camera with a global "
+            "shutter, or a mode of a higher rate, which often reads out faster, leaves less to be "
+            "known");
   }
   const double within_s = read_out_s + 3.0 * sequence.read_out_sigma_s;
   if (within_s > kTellsBelow * sequence.period_s) {
