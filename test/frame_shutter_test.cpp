@@ -74,6 +74,7 @@ TEST(FrameShutter, FollowsAConstantAcceleration) {
   old.is_current = false;
   const RollingShutter now = shutter.measured(motionTo(1.0, kPeriod_s), kPeriod_s, old, rolling());
   EXPECT_LT((now.velocity() - velocityAt(1.0 - 0.5 * kPeriod_s)).norm(), 1e-3);
+  EXPECT_GT(now.variances()[2], std::pow(2.0 * 0.5 * kPeriod_s, 2)) << "it is a mean only";
 }
 
 TEST(FrameShutter, LearnsHowWrongTheVelocityIs) {
@@ -97,6 +98,9 @@ TEST(FrameShutter, LearnsHowWrongTheVelocityIs) {
   wrong[2] += 0.3;
   for (int i = 0; i < 100; ++i) learn(wrong);
   EXPECT_NEAR(variances()[0], 0.03, 0.001) << "a third of the squared error for each axis";
+  const RollingShutter later = shutter.measured(motionTo(1.3, 2.0 * kPeriod_s), 2.0 * kPeriod_s,
+                                                meanBefore(1.1, kPeriod_s), rolling());
+  EXPECT_NEAR(later.variances()[0], 4.0 * variances()[0], 1e-6) << "over twice the time";
   EXPECT_EQ(variances()[0], variances()[2]);
   EXPECT_LT(variances()[4], 1e-6);
 }

@@ -109,6 +109,9 @@ TEST(RectifiedCamera, KnowsHowManyRowsOfTheRawImageItShows) {
   for (CameraCalibration* camera : {&pair.left, &pair.right})
     camera->R = Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   EXPECT_NEAR(rectifiedCamera(pair).raw_rows, -0.8, 1e-6);
+  for (CameraCalibration* camera : {&pair.left, &pair.right})
+    camera->R = Eigen::AngleAxisd(0.5 * M_PI, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  EXPECT_EQ(rectifiedCamera(pair).raw_rows, 0.0) << "rows became columns";
   pair.left.K.setZero();
   EXPECT_EQ(rectifiedCamera(pair).raw_rows, 1.0) << "only P is known, of rectified images";
 }

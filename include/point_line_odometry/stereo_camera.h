@@ -15,7 +15,8 @@ struct StereoCamera {
   int width = 0;            ///< of an image [px]
   int height = 0;           ///< of an image [px]
   /// Rows of the raw left image for each of this one, in the mean, of a camera with a rolling
-  /// shutter: the time of a row follows from it. Negative if rectification turns the image over.
+  /// shutter: the time of a row follows from it. Negative if rectification turns the image over; 0,
+  /// thus without a time, if it turns rows into columns.
   double raw_rows = 1.0;
 
   /// Throws std::invalid_argument that names the first invalid field, its value and what to do.

@@ -51,9 +51,9 @@ class StereoOdometry {
   void setCamera(const StereoCamera& camera);
 
   /// Takes other parameters from the next frame on; tracking continues, landmarks are kept unless
-  /// `window` or `local_map` changes. With another size of images (`tracking/max_megapixels`) or
-  /// another `points/descriptor` tracking and map start again, as by setCamera(). Throws like the
-  /// constructor, and changes nothing then.
+  /// `window` or `local_map` changes. With another size of images (`tracking/max_megapixels`),
+  /// `points/descriptor`, `points/scale_factor` or `tracking/rolling_shutter_ms` tracking and map
+  /// start again, as by setCamera(). Throws like the constructor, and changes nothing then.
   void setParameters(const Parameters& parameters);
 
   /// The state between frames, serialized: after a hundred frames of KITTI 8 MB in 2 ms. Waits for

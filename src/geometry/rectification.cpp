@@ -61,13 +61,14 @@ Eigen::Matrix<double, 3, 4> toEigen34(const cv::Mat& P) {
 
 /// As StereoCamera::raw_rows, along the middle column; 1 if only P is given, of rectified images.
 double rawRows(const CameraCalibration& left) {
-  constexpr double kMost = 10.0;  // times as many, or as few
+  constexpr double kMost = 10.0;
+  constexpr double kLeast = 0.1;  // of an image that is not turned by about 90 degrees
   Eigen::Matrix2Xd ends(2, 2);
   ends << 0.5 * left.width, 0.5 * left.width, 0.0, left.height;
   try {
     const Eigen::Matrix2Xd raw = rawPixels(left, ends);
     const double rows = (raw(1, 1) - raw(1, 0)) / left.height;
-    if (std::abs(rows) < kMost && std::abs(rows) > 1.0 / kMost) return rows;
+    if (std::abs(rows) < kMost) return std::abs(rows) > kLeast ? rows : 0.0;
   } catch (const std::invalid_argument&) {
   }
   return 1.0;

@@ -47,6 +47,10 @@ void StereoCamera::validate() const {
   requirePositive("baseline_m", baseline_m,
                   "P of the right camera must hold -fx * baseline in its fourth column; if the "
                   "value is negative, left and right are swapped");
+  if (!std::isfinite(raw_rows)) {
+    throw std::invalid_argument(
+        "stereo camera: raw_rows is not a number, but must be 1, or what rectifiedCamera() gives");
+  }
 }
 
 }  // namespace point_line_odometry

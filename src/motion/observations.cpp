@@ -17,30 +17,37 @@ void toStamp(const FrameContext& context, Eigen::Vector2d* left_px, Eigen::Vecto
   *left_px = at_stamp.left_px;
 }
 
-/// Column of a segment at a row, or at the next one that it reaches if it is prolonged by half; of
-/// its middle if it hardly changes rows.
-double columnAt(const Eigen::Vector2d& start, const Eigen::Vector2d& end, double row) {
+Eigen::Vector2d middleOf(const Eigen::Vector2d& start, const Eigen::Vector2d& end) {
+  return 0.5 * (start + end);
+}
+
+/// The pixel of a segment, prolonged by half at most, in the row of a pixel of the other image's
+/// segment. Where it hardly changes rows, the pixel that is as far away as the middles are.
+Eigen::Vector2d partnerOf(const Eigen::Vector2d& pixel, const Eigen::Vector2d& middle,
+                          const Eigen::Vector2d& start, const Eigen::Vector2d& end) {
   constexpr double kLeastSlope = 0.1;  // rows by columns
   constexpr double kMostBeyond = 0.5;  // of the length
   const Eigen::Vector2d along = end - start;
-  const bool crosses = std::abs(along.y()) > kLeastSlope * std::abs(along.x());
-  const double share = crosses ? (row - start.y()) / along.y() : 0.5;
-  return start.x() + std::clamp(share, -kMostBeyond, 1.0 + kMostBeyond) * along.x();
+  if (std::abs(along.y()) <= kLeastSlope * std::abs(along.x()))
+    return {pixel.x() + middleOf(start, end).x() - middle.x(), pixel.y()};
+  const double share = (pixel.y() - start.y()) / along.y();
+  return {start.x() + std::clamp(share, -kMostBeyond, 1.0 + kMostBeyond) * along.x(), pixel.y()};
 }
 
-/// The same for the ends of a line's segments. The partner of an end is on the other segment, in
-/// the same row.
+/// The same for the ends of a line's segments.
 void toStamp(const FrameContext& context, LineObservation* line) {
   if (context.shutter.isGlobal()) return;
   const LineObservation seen = *line;
+  const Eigen::Vector2d left_middle = middleOf(seen.left_start_px, seen.left_end_px);
+  const Eigen::Vector2d right_middle = middleOf(seen.right_start_px, seen.right_end_px);
   for (const auto end : {&LineObservation::left_start_px, &LineObservation::left_end_px}) {
-    Eigen::Vector2d right_px(columnAt(seen.right_start_px, seen.right_end_px, (seen.*end).y()),
-                             (seen.*end).y());
+    Eigen::Vector2d right_px =
+        partnerOf(seen.*end, left_middle, seen.right_start_px, seen.right_end_px);
     toStamp(context, &(line->*end), &right_px);
   }
   for (const auto end : {&LineObservation::right_start_px, &LineObservation::right_end_px}) {
-    Eigen::Vector2d left_px(columnAt(seen.left_start_px, seen.left_end_px, (seen.*end).y()),
-                            (seen.*end).y());
+    Eigen::Vector2d left_px =
+        partnerOf(seen.*end, right_middle, seen.left_start_px, seen.left_end_px);
     toStamp(context, &left_px, &(line->*end));
   }
 }

@@ -16,8 +16,8 @@ namespace point_line_odometry {
 class FrameShutter {
  public:
   /// Before the frame's motion is known: with the last velocity (nothing: none is known), which is
-  /// hardly known where it is not current. \param dt_s since the previous frame.
-  RollingShutter predicted(const std::optional<CameraVelocity>& last, double dt_s,
+  /// hardly known where it is not current. \param unmeasured_s since it was measured.
+  RollingShutter predicted(const std::optional<CameraVelocity>& last, double unmeasured_s,
                            const Parameters& parameters) const;
 
   /// By the frame's own motion since the previous one, which took the time `dt_s`, and the velocity
@@ -34,16 +34,16 @@ class FrameShutter {
 
   /// All members, for StereoOdometry::saveState().
   auto state() {
-    auto& [variances] = *this;
-    return std::tie(variances);
+    auto& [accelerations] = *this;
+    return std::tie(accelerations);
   }
 
  private:
   Eigen::Vector2d variances(double dt_s) const;
 
-  /// Running mean of the squared error of the velocity along and about an axis [m^2/s^2,
-  /// rad^2/s^2].
-  std::optional<Eigen::Vector2d> variances_;
+  /// Running means of squared accelerations, along and about an axis, that would explain the errors
+  /// of the velocities [m^2/s^4, rad^2/s^4].
+  std::optional<Eigen::Vector2d> accelerations_;
 };
 
 /// By how much two shutters differ in where they show the points and lines of a frame in the left

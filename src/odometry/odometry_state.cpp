@@ -83,6 +83,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     shutter.learn(history.previous->shutter, velocityAtPrevious(context),
                   tracked.motion.T_curr_prev, context.secondsSince(history.previous->stamp_ns));
   }
+  if (!measured || tracked.weak) curr.shutter = curr.shutter.notMeasured();
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0 && !tracked.ambiguous, agreed);
@@ -219,7 +220,9 @@ void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
 
 RollingShutter OdometryState::predictedShutter(const FrameContext& context) const {
   const auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
-  return shutter.predicted(velocity, sinceLast(context), context.parameters);
+  const double unmeasured_s =
+      velocity ? context.secondsSince(velocity->stamp_ns) : sinceLast(context);
+  return shutter.predicted(velocity, unmeasured_s, context.parameters);
 }
 
 RollingShutter OdometryState::measuredShutter(const TrackingResult& tracked,

@@ -163,6 +163,10 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   trackWithShutter(prior, &tracked, result);
   if (state.leaveOutResting(tracked.frame, tracked.context, threads.get(), &tracked.tracking)) {
     state.resting.leaveOut(&tracked.frame);
+    if (!tracked.context.shutter.isGlobal()) {  // it was that of the body's motion
+      tracked.context.shutter = state.predictedShutter(tracked.context);
+      triangulateAgain(tracked.context, &tracked.frame);
+    }
     trackWithShutter(prior, &tracked, result);
     state.coverOtherMotions(std::nullopt, tracked.frame, tracked.context, &tracked.tracking);
   }
@@ -180,14 +184,16 @@ void StereoOdometry::Impl::trackWithShutter(const FramePrior& prior, TrackedFram
   FrameContext& context = tracked->context;
   tracked->tracking =
       trackOrRelocalize(state, tracked->frame, prior, context, threads.get(), &result->times);
+  const bool knows_previous =
+      state.history.previous && state.history.previous->shutter.isMeasured();
   for (int i = 0; i < kMaxTimes && !context.shutter.isGlobal(); ++i) {
     const TrackingResult& tracking = tracked->tracking;
     if (tracking.reason != TrackingReason::kNone || tracking.relocalized) return;
     const RollingShutter used = context.shutter;
     const RollingShutter measured = state.measuredShutter(tracking, context);
-    const bool knows_previous = state.history.previous->shutter.isMeasured();
     tracked->frame.shutter = measured;
-    if (knows_previous && rmsDifference(measured, used, tracked->frame, context.camera) < kSame_px)
+    if ((knows_previous || i > 0) &&
+        rmsDifference(measured, used, tracked->frame, context.camera) < kSame_px)
       return;
     context.shutter = measured;
     std::optional<OdometryState> located;
@@ -229,6 +235,7 @@ void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tr
     corrected.locateAgain(tracked->context);
     StereoFrame frame = tracked->frame;
     triangulateAgain(tracked->context, &frame);
+    frame.shutter = tracked->frame.shutter;  // differs by nothing that counts, but is measured
     TrackingResult again =
         trackOrRelocalize(corrected, frame, prior, tracked->context, threads.get(), &result->times);
     addCalibrationEvidence(tracked->context, &again, &result->times);

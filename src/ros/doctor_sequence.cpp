@@ -61,7 +61,8 @@ DoctorLine evaluateShutter(const SequenceMeasurement& sequence) {
             (*sequence.read_out_s > 0.0 ? "first" : "last") + " (+- " +
             milliseconds(sequence.read_out_sigma_s) + ", from the motion in the images)",
         "set tracking/rolling_shutter_ms to " + number(1e3 * *sequence.read_out_s, 1) +
-            ": without it the odometry takes all rows as of one instant; a camera with a global "
+            " unless it is: without it the odometry takes all rows as of one instant; a camera "
+            "with a global "
             "shutter, or a mode of a higher rate, which often reads out faster, leaves less to be "
             "known");
   }
