@@ -79,11 +79,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
   const double dt_s = sinceLast(context);
-  if (measured && !tracked.weak) {
-    shutter.learn(history.previous->shutter, velocityAtPrevious(context),
-                  tracked.motion.T_curr_prev, context.secondsSince(history.previous->stamp_ns));
-  }
-  if (!measured || tracked.weak) curr.shutter = curr.shutter.notMeasured();
+  updateShutter(tracked, measured && !tracked.weak, context, &curr);
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0 && !tracked.ambiguous, agreed);
@@ -109,6 +105,17 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
     stereo_calibration.addMotion(*tracked.calibration, shareOfNew(history.map));
   if (tracked.reason != TrackingReason::kRepeatedImages)
     stereo_calibration.addVerticalDisparities(vertical, parameters.motion.point_noise_px);
+}
+
+/// A frame whose own motion is not known leaves no velocity to the next one.
+void OdometryState::updateShutter(const TrackingResult& tracked, bool is_known,
+                                  const FrameContext& context, StereoFrame* curr) {
+  if (is_known) {
+    shutter.learn(history.previous->shutter, velocityAtPrevious(context),
+                  tracked.motion.T_curr_prev, context.secondsSince(history.previous->stamp_ns));
+  } else {
+    curr->shutter = curr->shutter.notMeasured();
+  }
 }
 
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,

@@ -149,6 +149,8 @@ struct OdometryState {
 
  private:
   std::optional<CameraVelocity> velocityAtPrevious(const FrameContext& context) const;
+  void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
+                     StereoFrame* curr);
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);
