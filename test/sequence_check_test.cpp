@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "checks/rolling_shutter.h"
+#include "checks/read_out.h"
 #include "point_line_odometry/rectification.h"
 #include "world/synthetic_world.h"
 

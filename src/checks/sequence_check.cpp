@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "checks/capture_delay.h"
-#include "checks/rolling_shutter.h"
+#include "checks/read_out.h"
 #include "checks/wide_matches.h"
 #include "common/statistics.h"
 #include "matching/patch_aligner.h"

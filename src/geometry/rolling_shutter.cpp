@@ -33,10 +33,10 @@ PixelWithDisparity RollingShutter::atStamp(const StereoCamera& camera,
 
 Eigen::Vector3d RollingShutter::whenExposed(const StereoCamera& camera,
                                             const Eigen::Vector3d& p_camera) const {
+  if (isGlobal() || !(p_camera.z() > 0.0)) return p_camera;
   // The row moves while the image is read out, by a small share of it: each time by that less.
   constexpr int kIterations = 3;
   Eigen::Vector3d exposed = p_camera;
-  if (isGlobal() || !(p_camera.z() > 0.0)) return p_camera;
   for (int i = 0; i < kIterations; ++i) {
     const double t = timeOf(camera, camera.projectLeft(exposed).y());
     exposed = expSO3(-t * velocity_.tail<3>()) * (p_camera - t * velocity_.head<3>());

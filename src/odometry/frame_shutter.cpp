@@ -15,37 +15,29 @@ RollingShutter shutterAt(const Vector6d& velocity, const Vector6d& variances, bo
   return {1e-3 * parameters.tracking.rolling_shutter_ms, velocity, variances, is_measured};
 }
 
-bool isGlobal(const Parameters& parameters) {
-  return parameters.tracking.rolling_shutter_ms == 0.0;
+/// Squared acceleration of a robot of which nothing is known, along and about an axis.
+Eigen::Vector2d unknownAcceleration() {
+  const Matrix6d of_velocity = predictionCovariance(Vector6d::Zero(), true, 1.0, 1.0);
+  return {of_velocity(0, 0), of_velocity(3, 3)};
 }
 
-/// Variances of a velocity by an acceleration that was not known for a while, along and about an
-/// axis.
-Eigen::Vector2d unknownAcceleration(double unmeasured_s) {
-  const Matrix6d covariance = predictionCovariance(Vector6d::Zero(), true, 1.0, unmeasured_s);
-  return {covariance(0, 0), covariance(3, 3)};
-}
-
-/// The same along and about all axes.
-Vector6d ofAllAxes(const Eigen::Vector2d& variances) {
-  Vector6d all;
-  all << Eigen::Vector3d::Constant(variances[0]), Eigen::Vector3d::Constant(variances[1]);
-  return all;
+/// Variances of a velocity by a squared acceleration that is not known over half the time between
+/// two frames.
+Vector6d variancesBy(const Eigen::Vector2d& acceleration, double dt_s) {
+  const Eigen::Vector2d of_velocity = std::pow(0.5 * dt_s, 2) * acceleration;
+  Vector6d variances;
+  variances << Eigen::Vector3d::Constant(of_velocity[0]), Eigen::Vector3d::Constant(of_velocity[1]);
+  return variances;
 }
 
 }  // namespace
 
-/// What is unknown of the acceleration acts over half the time between two frames.
-Eigen::Vector2d FrameShutter::variances(double dt_s) const {
-  const Eigen::Vector2d at_first = unknownAcceleration(0.5 * dt_s);
-  return accelerations_ ? std::pow(0.5 * dt_s, 2) * *accelerations_ : at_first;
-}
+FrameShutter::FrameShutter() : acceleration_(unknownAcceleration()) {}
 
 RollingShutter FrameShutter::predicted(const std::optional<CameraVelocity>& last,
                                        double unmeasured_s, const Parameters& parameters) const {
-  if (isGlobal(parameters)) return {};
   if (isCurrent(last))
-    return shutterAt(last->value, ofAllAxes(variances(unmeasured_s)), false, parameters);
+    return shutterAt(last->value, variancesBy(acceleration_, unmeasured_s), false, parameters);
   const Vector6d velocity = last ? last->value : Vector6d::Zero().eval();
   return shutterAt(velocity, predictionCovariance(velocity, false, 1.0, unmeasured_s).diagonal(),
                    false, parameters);
@@ -54,16 +46,15 @@ RollingShutter FrameShutter::predicted(const std::optional<CameraVelocity>& last
 RollingShutter FrameShutter::measured(const Eigen::Isometry3d& T_curr_prev, double dt_s,
                                       const std::optional<CameraVelocity>& before,
                                       const Parameters& parameters) const {
-  if (isGlobal(parameters)) return {};
   if (!(dt_s > 0.0)) return predicted(before, dt_s, parameters);
   Vector6d velocity = velocityOfMotion(T_curr_prev.inverse(), dt_s);
-  Eigen::Vector2d of_velocity = variances(dt_s);
+  Eigen::Vector2d acceleration = acceleration_;
   if (isCurrent(before)) {
     velocity += dt_s / (dt_s + before->measured_over_s) * (velocity - before->value);
   } else {
-    of_velocity = of_velocity.cwiseMax(unknownAcceleration(0.5 * dt_s));
+    acceleration = acceleration.cwiseMax(unknownAcceleration());
   }
-  return shutterAt(velocity, ofAllAxes(of_velocity), true, parameters);
+  return shutterAt(velocity, variancesBy(acceleration, dt_s), true, parameters);
 }
 
 void FrameShutter::learn(const RollingShutter& shutter, const std::optional<CameraVelocity>& before,
@@ -75,9 +66,7 @@ void FrameShutter::learn(const RollingShutter& shutter, const std::optional<Came
   const double half_s = 0.25 * (before->measured_over_s + dt_s);
   Eigen::Vector2d squares(error.head<3>().squaredNorm() / 3.0, error.tail<3>().squaredNorm() / 3.0);
   squares /= half_s * half_s;
-  if (!squares.allFinite()) return;
-  const Eigen::Vector2d so_far = accelerations_.value_or(unknownAcceleration(1.0));
-  accelerations_ = so_far + kWeightOfError * (squares - so_far);
+  if (squares.allFinite()) acceleration_ += kWeightOfError * (squares - acceleration_);
 }
 
 double rmsDifference(const RollingShutter& a, const RollingShutter& b, const StereoFrame& frame,

@@ -15,6 +15,8 @@ namespace point_line_odometry {
 /// each and how well that is known; a global one where the parameter is 0.
 class FrameShutter {
  public:
+  FrameShutter();
+
   /// Before the frame's motion is known: with the last velocity (nothing: none is known), which is
   /// hardly known where it is not current. \param unmeasured_s since it was measured.
   RollingShutter predicted(const std::optional<CameraVelocity>& last, double unmeasured_s,
@@ -34,16 +36,14 @@ class FrameShutter {
 
   /// All members, for StereoOdometry::saveState().
   auto state() {
-    auto& [accelerations] = *this;
-    return std::tie(accelerations);
+    auto& [acceleration] = *this;
+    return std::tie(acceleration);
   }
 
  private:
-  Eigen::Vector2d variances(double dt_s) const;
-
-  /// Running means of squared accelerations, along and about an axis, that would explain the errors
-  /// of the velocities [m^2/s^4, rad^2/s^4].
-  std::optional<Eigen::Vector2d> accelerations_;
+  /// Running mean of the squared acceleration, along and about an axis, that would explain the
+  /// errors of the velocities [m^2/s^4, rad^2/s^4].
+  Eigen::Vector2d acceleration_;
 };
 
 /// By how much two shutters differ in where they show the points and lines of a frame in the left

@@ -249,8 +249,7 @@ std::optional<CameraVelocity> OdometryState::velocityAtPrevious(const FrameConte
 void OdometryState::locateInMotion(const FrameContext& context) {
   FrameContext of_previous = context;
   of_previous.correction = history.previous->correction;
-  triangulateAgain(of_previous, &*history.previous);
-  history.before_previous.reset();
+  locatePrevious(of_previous);
 }
 
 StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
@@ -265,9 +264,13 @@ StereoCorrection OdometryState::correctionBy(const StereoFrame& curr,
 void OdometryState::locateAgain(const FrameContext& context) {
   FrameContext of_previous = context;
   of_previous.shutter = history.previous->shutter;
-  triangulateAgain(of_previous, &*history.previous);
-  history.before_previous.reset();
+  locatePrevious(of_previous);
   restartMap(context.parameters);
+}
+
+void OdometryState::locatePrevious(const FrameContext& context) {
+  triangulateAgain(context, &*history.previous);
+  history.before_previous.reset();
 }
 
 void OdometryState::followCorrection(const FrameContext& context) {

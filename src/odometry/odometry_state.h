@@ -149,6 +149,7 @@ struct OdometryState {
 
  private:
   std::optional<CameraVelocity> velocityAtPrevious(const FrameContext& context) const;
+  void locatePrevious(const FrameContext& context);
   void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
                      StereoFrame* curr);
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,

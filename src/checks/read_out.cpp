@@ -1,4 +1,4 @@
-#include "checks/rolling_shutter.h"
+#include "checks/read_out.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
