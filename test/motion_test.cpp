@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/thread_pool.h"
+#include "geometry/se3.h"
 #include "geometry/triangulation.h"
 #include "motion/correspondence.h"
 #include "motion/motion_cost.h"
@@ -586,6 +587,29 @@ TEST(FuseRotation, HalvesTheDifferenceAndSolvesForTheTranslationAgain) {
   for (int axis = 0; axis < 3; ++axis) {
     EXPECT_GT(cost(0.03 * Vector3d::Unit(axis)), cost(Vector3d::Zero()));
     EXPECT_GT(cost(-0.03 * Vector3d::Unit(axis)), cost(Vector3d::Zero()));
+  }
+}
+
+/// A two-frame motion of few and far features may be wrong.
+TEST(FuseRotation, TheCovarianceCoversBothRotations) {
+  MatchOptions options{80, 30};
+  options.noise_px = options.sigma_px = 0.3;
+  const StereoCamera camera = synthetic::camera();
+  const Correspondences noisy = synthetic::matches(camera, synthetic::motion(), options, 13);
+  const MotionEstimate frame_to_frame = estimateMotion(noisy, camera, Isometry3d::Identity(), {});
+  ASSERT_TRUE(frame_to_frame.ok());
+  const Matrix6d& alone = frame_to_frame.covariance;
+  for (const double wrong : {0.0, 0.004}) {
+    const Isometry3d two_frames =
+        synthetic::transform({wrong, 0.0, 0.0}, Vector3d::Zero()) * frame_to_frame.T_curr_prev;
+    const MotionEstimate fused =
+        fuseRotation(frame_to_frame, {two_frames, Isometry3d::Identity()}, noisy, camera, {});
+    ASSERT_TRUE(fused.ok());
+    const Vector6d moved =
+        poseDifference(fused.T_curr_prev.inverse(), frame_to_frame.T_curr_prev.inverse());
+    ASSERT_NEAR(moved.tail<3>().norm(), 0.5 * wrong, 1e-4);
+    EXPECT_LE(moved.dot(fused.covariance.ldlt().solve(moved)), 1.0);
+    EXPECT_EQ(moved.dot(alone.ldlt().solve(moved)) > 36.0, wrong > 0.0);
   }
 }
 

@@ -171,6 +171,19 @@ TEST_F(RestingFeaturesTest, TheBodyIsFoundBeforeAMovingScene) {
   EXPECT_GT(found->num_scene, 100);
 }
 
+/// A robot that starts off slowly: the scene moves by two pixels.
+TEST_F(RestingFeaturesTest, TheBodyIsFoundBeforeASceneThatMovesSlowly) {
+  const Isometry3d slow = synthetic::transform({2.05 / kCamera.fy, 0.0, 0.0}, Vector3d::Zero());
+  const StereoFrame prev = frameAt(Isometry3d::Identity());
+  RestingFeatures resting(kCamera);
+  const auto found = find(resting, prev, frameAt(slow));
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->points.size(), body_.size());
+  ASSERT_TRUE(confirm(prev, frameAt(slow), &resting));
+  EXPECT_EQ(numLeftOfBody(resting, prev), 0);
+  EXPECT_FALSE(find(RestingFeatures(kCamera), prev, frameAt(slow, slow))) << "the camera moves";
+}
+
 /// In the dark, a frame shows few points of the scene.
 TEST_F(RestingFeaturesTest, FewPointsOfTheSceneAreEnoughInFramesOneAfterTheOther) {
   RestingFeatures resting(kCamera);

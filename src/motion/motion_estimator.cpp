@@ -348,7 +348,13 @@ MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame, const TwoFrame
   const Eigen::Quaterniond by_one(frame_to_frame.T_curr_prev.linear());
   Eigen::Isometry3d fused = frame_to_frame.T_curr_prev;
   fused.linear() = by_one.slerp(0.5, by_two_frames).normalized().toRotationMatrix();
-  return estimateTranslation(frame_to_frame, fused, correspondences, camera, parameters, threads);
+  MotionEstimate estimate =
+      estimateTranslation(frame_to_frame, fused, correspondences, camera, parameters, threads);
+  // The two rotations may differ by more than their noise: either may be the right one.
+  const Vector6d moved =
+      poseDifference(estimate.T_curr_prev.inverse(), frame_to_frame.T_curr_prev.inverse());
+  estimate.covariance += moved * moved.transpose();
+  return estimate;
 }
 
 }  // namespace point_line_odometry

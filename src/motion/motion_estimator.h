@@ -83,7 +83,8 @@ struct TwoFrameMotion {
 };
 
 /// Fuses the rotation of `frame_to_frame` (k-1 -> k) with that of the two-frame estimate by slerp
-/// at one half (paper, eq. 9-10) and estimates the translation again with the rotation fixed.
+/// at one half (paper, eq. 9-10) and estimates the translation again with the rotation fixed. Its
+/// covariance covers the frame-to-frame motion, too.
 MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame, const TwoFrameMotion& two_frames,
                             const Correspondences& correspondences, const StereoCamera& camera,
                             const MotionParameters& parameters, ThreadPool* threads = nullptr);

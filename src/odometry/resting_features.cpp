@@ -1,6 +1,7 @@
 #include "odometry/resting_features.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -280,22 +281,25 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
   const std::vector<IndexPair> inliers = motion ? motion->inliers : std::vector<IndexPair>();
   const std::vector<IndexPair> others =
       matchOthers(prev, curr, inliers, context.parameters.matching, threads);
-  std::vector<int> resting = motion ? motion->resting : restingOf(others, prev, curr, context);
+  const std::vector<int> resting =
+      motion ? motion->resting : restingOf(others, prev, curr, context);
   const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
   if (num_scene < kShareOfMovingScene * static_cast<double>(inliers.size())) return std::nullopt;
 
-  // What the motion does not move is part of the scene, too.
-  resting.erase(std::remove_if(resting.begin(), resting.end(),
-                               [&](int i) {
-                                 return expectedShift(prev, prev.points[i], scene->T_curr_prev,
-                                                      context) < kMoves_px;
-                               }),
-                resting.end());
-  const bool enough = static_cast<double>(resting.size()) >= leastResting(inliers);
-  if (!enough || !isNearer(depthsOf(resting, prev), scene->depths)) return std::nullopt;
-  return RestingBody{std::move(resting), scene->T_curr_prev, num_scene};
+  // What the motion does not move is part of the scene, too. Where it is slow, hardly anything
+  // moves much.
+  for (const double moves_px : {kMoves_px, kRests_px}) {
+    std::vector<int> body;
+    std::copy_if(resting.begin(), resting.end(), std::back_inserter(body), [&](int i) {
+      return expectedShift(prev, prev.points[i], scene->T_curr_prev, context) >= moves_px;
+    });
+    if (static_cast<double>(body.size()) >= leastResting(inliers) &&
+        isNearer(depthsOf(body, prev), scene->depths))
+      return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
+  }
+  return std::nullopt;
 }
 
 bool RestingFeatures::mayHideScene(const StereoFrame& prev, const StereoFrame& curr,
