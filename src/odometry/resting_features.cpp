@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <optional>
 #include <utility>
 
 #include "common/statistics.h"
-#include "matching/appearance_matcher.h"
 #include "matching/point_grid.h"
 #include "motion/motion_consensus.h"
-#include "motion/observations.h"
 #include "odometry/motion_confirmation.h"
+#include "odometry/moving_scene.h"
 
 namespace point_line_odometry {
 namespace {
@@ -31,11 +29,14 @@ constexpr double kShareOfFound = 0.2;
 constexpr double kWeightOfFrame = 0.1;
 constexpr int kMostCells = 4;
 
-// Resting points that count are this share of the inliers of a motion. Of a scene this share of the
-// points that move agree; they are this share of the inliers (traffic before a standing robot 0.09
-// at most, a scene more) and this number, in the dark in successive frames together.
+// Where its body is in view and the scene moves slowly, a moving camera that is taken for
+// stationary finds up to 0.70 of the features.
+constexpr double kShareWithBody = 0.75;
+
+// Resting points that count are this share of the inliers of a motion. Of a scene the points that
+// agree are this share of the inliers (traffic before a standing robot 0.09 at most, a scene more)
+// and this number, in the dark in successive frames together.
 constexpr double kShareOfInliers = 0.2;
-constexpr double kShareOfMoving = 1.0 / 3.0;
 constexpr double kShareOfMovingScene = 0.1;
 constexpr int kMinScene = 20;
 
@@ -50,108 +51,10 @@ constexpr double kFewestIsolated = 10.0;
 // street before trees in the wind, is not.
 constexpr double kFarthestBody_m = 3.0;
 
-double levelScaleOf(const StereoFrame& frame, const StereoPoint& point,
-                    const FrameContext& context) {
-  return levelScale(frame.features.points_left[point.left], context.parameters);
-}
-
-const Eigen::Vector2f& leftPixel(const StereoFrame& frame, const StereoPoint& point) {
-  return frame.features.points_left[point.left].pixel;
-}
-
-/// By how much a motion moves a point in the left image [px of the point's level], a far one by its
-/// rotation alone; infinite if it takes the point out of view.
-double expectedShift(const StereoFrame& prev, const StereoPoint& point,
-                     const Eigen::Isometry3d& T_curr_prev, const FrameContext& context) {
-  const StereoCamera& camera = context.camera;
-  const Eigen::Vector3d& p_prev = point.triangulated.p_camera;
-  const Eigen::Vector3d p_curr = point.far ? T_curr_prev.linear() * p_prev : T_curr_prev * p_prev;
-  if (!(p_curr.z() > 0.1 * camera.baseline_m)) return std::numeric_limits<double>::infinity();
-  const Eigen::Vector2d shift =
-      camera.projectLeft(p_curr) - camera.projectLeft(point.triangulated.p_camera);
-  return shift.norm() / levelScaleOf(prev, point, context);
-}
-
-/// By how much a matched point has moved in the left image [px of the point's level].
-double shiftOf(const IndexPair& match, const StereoFrame& prev, const StereoFrame& curr,
-               const FrameContext& context) {
-  const StereoPoint& before = prev.points[match.first];
-  return (leftPixel(curr, curr.points[match.second]) - leftPixel(prev, before)).norm() /
-         levelScaleOf(prev, before, context);
-}
-
-/// Descriptors of the points of a frame but some.
-struct RemainingPoints {
-  std::vector<int> indices;
-  std::vector<StereoDescriptor> descriptors;
-
-  RemainingPoints(const StereoFrame& frame, const std::vector<bool>& without) {
-    const std::vector<StereoDescriptor> all = stereoDescriptors(frame);
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      if (without[i] || frame.points[i].far) continue;
-      indices.push_back(static_cast<int>(i));
-      descriptors.push_back(all[i]);
-    }
-  }
-};
-
-std::vector<IndexPair> inliersOf(const TrackingResult& tracked, const StereoFrame& prev) {
-  std::vector<IndexPair> inliers;
-  const MotionEstimate& motion = tracked.frame_to_frame;
-  for (std::size_t i = 0; motion.ok() && i < tracked.matches.points.size(); ++i) {
-    const IndexPair& match = tracked.matches.points[i];
-    if (motion.point_inliers[i] && !prev.points[match.first].far) inliers.push_back(match);
-  }
-  return inliers;
-}
-
-/// Matches by appearance of the points that are not among the inliers.
-std::vector<IndexPair> matchOthers(const StereoFrame& prev, const StereoFrame& curr,
-                                   const std::vector<IndexPair>& inliers,
-                                   const MatchingParameters& parameters, ThreadPool* threads) {
-  std::vector<bool> matched_before(prev.points.size(), false);
-  std::vector<bool> matched_now(curr.points.size(), false);
-  for (const auto& [i, k] : inliers) matched_before[i] = matched_now[k] = true;
-  const RemainingPoints before(prev, matched_before);
-  const RemainingPoints now(curr, matched_now);
-  std::vector<IndexPair> matches;
-  for (const auto& [i, k] :
-       matchByAppearance(before.descriptors, now.descriptors, parameters, threads))
-    matches.push_back({before.indices[i], now.indices[k]});
-  return matches;
-}
-
-/// Points of the previous frame that agree on a motion although others rest.
-struct MovingScene {
-  Eigen::Isometry3d T_curr_prev;
-  std::vector<double> depths;  ///< [m]
-};
-
-/// The motion on which the matches agree that do not rest; nothing if too few do.
-std::optional<MovingScene> findMovingScene(const std::vector<IndexPair>& matches,
-                                           const StereoFrame& prev, const StereoFrame& curr,
-                                           const FrameContext& context) {
-  std::vector<PointCorrespondence> moving;
-  for (const IndexPair& match : matches) {
-    if (shiftOf(match, prev, curr, context) < 2.0 * kRests_px) continue;
-    const StereoPoint& before = prev.points[match.first];
-    const StereoPoint& now = curr.points[match.second];
-    moving.push_back({pointObservation(leftPixel(curr, now), now.right_px,
-                                       levelScaleOf(prev, before, context), context),
-                      before.triangulated.p_camera});
-  }
-  const std::optional<MotionConsensus> consensus = findConsensus(moving, context.camera);
-  const double least = kShareOfMoving * static_cast<double>(moving.size());
-  if (!consensus || consensus->num_inliers < least) return std::nullopt;
-  MovingScene scene{consensus->T_curr_prev, {}};
-  for (std::size_t i = 0; i < moving.size(); ++i) {
-    if (consensus->inliers[i]) scene.depths.push_back(moving[i].p_prev.z());
-  }
-  return scene;
-}
-
-/// Fewest resting points that may hold the motion of these inliers.
-double leastResting(const std::vector<IndexPair>& inliers) {
+/// Fewest resting points that may hold the motion of these inliers. Those of a body of which a part
+/// was found before hold it as well where the scene moves by little more than its noise.
+double leastResting(const std::vector<IndexPair>& inliers, bool has_body) {
+  if (has_body) return kMinConsensus;
   return std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
 }
 
@@ -261,12 +164,12 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
 std::optional<RestingFeatures::StationaryMotion> RestingFeatures::findStationary(
     const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
     const FrameContext& context) const {
-  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareStationary)
+  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareWithBody)
     return std::nullopt;
   StationaryMotion motion;
   motion.inliers = inliersOf(tracked, prev);
   motion.resting = restingOf(motion.inliers, prev, curr, context);
-  if (static_cast<double>(motion.resting.size()) < leastResting(motion.inliers))
+  if (static_cast<double>(motion.resting.size()) < leastResting(motion.inliers, has_body_))
     return std::nullopt;
   return motion;
 }
@@ -277,13 +180,18 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
                                                             const FrameContext& context,
                                                             ThreadPool* threads) const {
   const std::optional<StationaryMotion> motion = findStationary(prev, curr, tracked, context);
-  if (tracked.frame_to_frame.ok() && !motion) return std::nullopt;
+  if (!motion && shareFound(prev, context.camera, tracked) >= kShareFound) return std::nullopt;
   const std::vector<IndexPair> inliers = motion ? motion->inliers : std::vector<IndexPair>();
   const std::vector<IndexPair> others =
       matchOthers(prev, curr, inliers, context.parameters.matching, threads);
-  const std::vector<int> resting =
-      motion ? motion->resting : restingOf(others, prev, curr, context);
-  const std::optional<MovingScene> scene = findMovingScene(others, prev, curr, context);
+  std::vector<PointCorrespondence> moving = movingMatches(others, prev, curr, context);
+  std::vector<int> resting = restingOf(others, prev, curr, context);
+  if (motion) {
+    const std::vector<PointCorrespondence> among = movingInliers(tracked, prev, context);
+    moving.insert(moving.end(), among.begin(), among.end());
+    resting.insert(resting.end(), motion->resting.begin(), motion->resting.end());
+  }
+  const std::optional<MovingScene> scene = findMovingScene(moving, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
   if (num_scene < kShareOfMovingScene * static_cast<double>(inliers.size())) return std::nullopt;
@@ -295,7 +203,7 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
     std::copy_if(resting.begin(), resting.end(), std::back_inserter(body), [&](int i) {
       return expectedShift(prev, prev.points[i], scene->T_curr_prev, context) >= moves_px;
     });
-    if (static_cast<double>(body.size()) >= leastResting(inliers) &&
+    if (static_cast<double>(body.size()) >= leastResting(inliers, has_body_) &&
         isNearer(depthsOf(body, prev), scene->depths))
       return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
   }
@@ -321,7 +229,7 @@ bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const Ster
     if (!again) num_scene_ /= 2;
     return false;
   }
-  if (!again) num_scene_ += body->num_scene;
+  num_scene_ = again ? std::max(num_scene_, body->num_scene) : num_scene_ + body->num_scene;
   if (num_scene_ < kMinScene) return false;
   num_scene_ = 0;
   has_body_ = true;

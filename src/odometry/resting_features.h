@@ -40,9 +40,10 @@ class RestingFeatures {
   void learn(const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
              const FrameContext& context);
 
-  /// Points by which a camera that moves seems to be stationary: they rest and lie before a scene
-  /// that agrees on another motion. Looked for only if tracking failed, or found the camera
-  /// stationary and much of the scene not; else, and if there are none, nothing.
+  /// Points by which a camera that moves seems to be stationary, or slower than it is: they rest
+  /// and lie before a scene that agrees on another motion. Looked for only if tracking failed or
+  /// found hardly anything, or where many inliers rest and much of the scene was not found; else,
+  /// and if there are none, nothing.
   std::optional<RestingBody> findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
                                              const TrackingResult& tracked,
                                              const FrameContext& context,
@@ -87,7 +88,7 @@ class RestingFeatures {
     int moved = 0;
   };
 
-  /// A motion that what rests may hold at rest.
+  /// A motion that what rests may hold at rest, or near it.
   struct StationaryMotion {
     std::vector<IndexPair> inliers;  ///< (previous, current), without far points
     std::vector<int> resting;        ///< of these, in the previous frame

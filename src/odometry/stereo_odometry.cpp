@@ -161,15 +161,21 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   state.resting.leaveOut(&frame);
   TrackedFrame tracked{std::move(context), std::move(frame), {}};
   trackWithShutter(prior, &tracked, result);
-  if (state.leaveOutResting(tracked.frame, tracked.context, threads.get(), &tracked.tracking)) {
+  // Of a body that is found, parts may still be in the way.
+  constexpr int kMaxParts = 3;
+  int parts = 0;
+  while (parts < kMaxParts &&
+         state.leaveOutResting(tracked.frame, tracked.context, threads.get(), &tracked.tracking)) {
+    ++parts;
     state.resting.leaveOut(&tracked.frame);
     if (!tracked.context.shutter.isGlobal()) {  // it was that of the body's motion
       tracked.context.shutter = state.predictedShutter(tracked.context);
       triangulateAgain(tracked.context, &tracked.frame);
     }
     trackWithShutter(prior, &tracked, result);
-    state.coverOtherMotions(std::nullopt, tracked.frame, tracked.context, &tracked.tracking);
   }
+  if (parts == kMaxParts)
+    state.coverOtherMotions(std::nullopt, tracked.frame, tracked.context, &tracked.tracking);
   recalibrate(prior, &tracked, result);
   return tracked;
 }
