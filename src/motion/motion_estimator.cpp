@@ -350,7 +350,7 @@ MotionEstimate fuseRotation(const MotionEstimate& frame_to_frame, const TwoFrame
   fused.linear() = by_one.slerp(0.5, by_two_frames).normalized().toRotationMatrix();
   MotionEstimate estimate =
       estimateTranslation(frame_to_frame, fused, correspondences, camera, parameters, threads);
-  // The two rotations may differ by more than their noise: either may be the right one.
+  // Where the two rotations differ by more than their noise, either may be the right one.
   const Vector6d moved =
       poseDifference(estimate.T_curr_prev.inverse(), frame_to_frame.T_curr_prev.inverse());
   estimate.covariance += moved * moved.transpose();

@@ -20,8 +20,8 @@ namespace point_line_odometry {
 constexpr double kShareFound = 0.25;
 
 /// [px of a point's level] What moves by less rests. Of the features in view a stationary camera
-/// finds half to three quarters in the dark, and more elsewhere; where its body is in view a moving
-/// one found up to 0.61.
+/// finds half to three quarters in the dark, and more elsewhere; a moving one that is taken for
+/// stationary found up to 0.61, unless it is slow.
 constexpr double kRests_px = 1.0;
 constexpr double kShareStationary = 0.65;
 

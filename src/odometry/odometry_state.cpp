@@ -215,7 +215,7 @@ void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
   if (tracked->prior.use == PriorUse::kUsed && tracked->prior.axes == kAllAxes) return;
   const TrackingParameters& limits = context.parameters.tracking;
   const bool predicted = isCurrent(pose.velocityFor(curr.stamp_ns, limits));
-  if (resting.mayHideScene(*history.previous, curr, *tracked, context) ||
+  if (resting.mayHideScene(*history.previous, *tracked, context) ||
       (!predicted && isByChance(*history.previous, context.camera, *tracked))) {
     const double dt_s = context.secondsSince(history.previous->stamp_ns);
     const std::optional<CameraVelocity>& velocity = pose.velocity();

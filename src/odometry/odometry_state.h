@@ -102,7 +102,7 @@ struct OdometryState {
 
   /// Makes a motion ambiguous that may as well be another one: that of a scene behind a body which
   /// is not certain yet, or an unknown one where the scene may be hidden, or the matches of a
-  /// motion without a velocity agree by chance. Not where a prior knows the motion.
+  /// motion without a velocity agree by chance. The latter two not where a prior knows the motion.
   void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
                          const FrameContext& context, TrackingResult* tracked) const;
 

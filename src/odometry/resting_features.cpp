@@ -33,9 +33,14 @@ constexpr int kMostCells = 4;
 // stationary finds up to 0.70 of the features.
 constexpr double kShareWithBody = 0.75;
 
-// Resting points that count are this share of the inliers of a motion. Of a scene the points that
-// agree are this share of the inliers (traffic before a standing robot 0.09 at most, a scene more)
-// and this number, in the dark in successive frames together.
+// Two motions differ if they move a point that rests by so much of what one of them does: a third
+// one may lie between rest and the scene's.
+constexpr double kOtherMotion = 1.0 / 3.0;
+
+// Resting points that count are this share of the inliers of a motion, and half of it once a part
+// of the body was found. Of a scene the points that agree are this share of the inliers (traffic
+// before a standing robot 0.09 at most, a scene more) and this number, in the dark in successive
+// frames together.
 constexpr double kShareOfInliers = 0.2;
 constexpr double kShareOfMovingScene = 0.1;
 constexpr int kMinScene = 20;
@@ -51,13 +56,6 @@ constexpr double kFewestIsolated = 10.0;
 // street before trees in the wind, is not.
 constexpr double kFarthestBody_m = 3.0;
 
-/// Fewest resting points that may hold the motion of these inliers. Those of a body of which a part
-/// was found before hold it as well where the scene moves by little more than its noise.
-double leastResting(const std::vector<IndexPair>& inliers, bool has_body) {
-  if (has_body) return kMinConsensus;
-  return std::max<double>(kMinConsensus, kShareOfInliers * static_cast<double>(inliers.size()));
-}
-
 /// [m]
 std::vector<double> depthsOf(const std::vector<int>& points, const StereoFrame& frame) {
   std::vector<double> depths;
@@ -68,10 +66,10 @@ std::vector<double> depthsOf(const std::vector<int>& points, const StereoFrame& 
 
 /// Near points of a frame that were not found, far from all inliers in the image, if they are too
 /// many for the scene of a camera at rest; else none.
-std::vector<int> isolatedPoints(const std::vector<IndexPair>& inliers, const StereoFrame& prev,
+std::vector<int> isolatedPoints(const std::vector<MatchedPoint>& inliers, const StereoFrame& prev,
                                 const StereoCamera& camera) {
   std::vector<bool> found(prev.points.size(), false);
-  for (const IndexPair& match : inliers) found[match.first] = true;
+  for (const MatchedPoint& match : inliers) found[match.prev] = true;
   const double area_px = static_cast<double>(camera.width) * camera.height;
   const double squared_radius =
       kInliersAround * area_px / (M_PI * static_cast<double>(inliers.size()));
@@ -81,8 +79,8 @@ std::vector<int> isolatedPoints(const std::vector<IndexPair>& inliers, const Ste
     if (found[i] || prev.points[i].far) continue;
     ++num_missing;
     const Eigen::Vector2f& pixel = leftPixel(prev, prev.points[i]);
-    const auto isNear = [&](const IndexPair& match) {
-      return (leftPixel(prev, prev.points[match.first]) - pixel).squaredNorm() < squared_radius;
+    const auto isNear = [&](const MatchedPoint& match) {
+      return (leftPixel(prev, prev.points[match.prev]) - pixel).squaredNorm() < squared_radius;
     };
     if (std::none_of(inliers.begin(), inliers.end(), isNear))
       isolated.push_back(static_cast<int>(i));
@@ -142,11 +140,12 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
       descriptors.push_back(curr.features.points_left[point.left].descriptor);
     }
   }
+  const Eigen::Isometry3d rest = Eigen::Isometry3d::Identity();
   PointGrid grid(kCellSize_px, kCellSize_px);
   grid.fill(pixels, descriptors);
   for (const std::vector<StereoPoint>* points : {&prev.points, &prev.resting_points}) {
     for (const StereoPoint& point : *points) {
-      if (expectedShift(prev, point, T_curr_prev, context) < kMoves_px) continue;
+      if (shiftBetween(prev, point, T_curr_prev, rest, context) < kMoves_px) continue;
       const Keypoint& left = prev.features.points_left[point.left];
       const auto radius = static_cast<float>(kRests_px * levelScaleOf(prev, point, context));
       const Eigen::Vector2f corner(radius, radius);
@@ -162,15 +161,16 @@ void RestingFeatures::countResting(const StereoFrame& prev, const StereoFrame& c
 }
 
 std::optional<RestingFeatures::StationaryMotion> RestingFeatures::findStationary(
-    const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
-    const FrameContext& context) const {
-  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > kShareWithBody)
+    const StereoFrame& prev, const TrackingResult& tracked, const FrameContext& context,
+    double most_found, double least_resting) const {
+  if (!tracked.frame_to_frame.ok() || shareFound(prev, context.camera, tracked) > most_found)
     return std::nullopt;
   StationaryMotion motion;
-  motion.inliers = inliersOf(tracked, prev);
-  motion.resting = restingOf(motion.inliers, prev, curr, context);
-  if (static_cast<double>(motion.resting.size()) < leastResting(motion.inliers, has_body_))
-    return std::nullopt;
+  motion.inliers = matchedInliers(tracked, prev, context);
+  motion.resting = restingOf(motion.inliers, prev);
+  const double least =
+      std::max<double>(kMinConsensus, least_resting * static_cast<double>(motion.inliers.size()));
+  if (static_cast<double>(motion.resting.size()) < least) return std::nullopt;
   return motion;
 }
 
@@ -179,41 +179,48 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
                                                             const TrackingResult& tracked,
                                                             const FrameContext& context,
                                                             ThreadPool* threads) const {
-  const std::optional<StationaryMotion> motion = findStationary(prev, curr, tracked, context);
+  const double share = has_body_ ? 0.5 * kShareOfInliers : kShareOfInliers;
+  const std::optional<StationaryMotion> motion =
+      findStationary(prev, tracked, context, kShareWithBody, share);
   if (!motion && shareFound(prev, context.camera, tracked) >= kShareFound) return std::nullopt;
-  const std::vector<IndexPair> inliers = motion ? motion->inliers : std::vector<IndexPair>();
-  const std::vector<IndexPair> others =
-      matchOthers(prev, curr, inliers, context.parameters.matching, threads);
-  std::vector<PointCorrespondence> moving = movingMatches(others, prev, curr, context);
-  std::vector<int> resting = restingOf(others, prev, curr, context);
+  const TrackingResult none;
+  std::vector<MatchedPoint> matches =
+      matchOthers(prev, curr, motion ? tracked : none, context, threads);
+  double num_inliers = 0.0;
   if (motion) {
-    const std::vector<PointCorrespondence> among = movingInliers(tracked, prev, context);
-    moving.insert(moving.end(), among.begin(), among.end());
-    resting.insert(resting.end(), motion->resting.begin(), motion->resting.end());
+    matches.insert(matches.end(), motion->inliers.begin(), motion->inliers.end());
+    num_inliers = static_cast<double>(motion->inliers.size());
   }
-  const std::optional<MovingScene> scene = findMovingScene(moving, context);
+  const std::optional<MovingScene> scene = findMovingScene(matches, context);
   if (!scene) return std::nullopt;
   const auto num_scene = static_cast<int>(scene->depths.size());
-  if (num_scene < kShareOfMovingScene * static_cast<double>(inliers.size())) return std::nullopt;
+  if (num_scene < kShareOfMovingScene * num_inliers) return std::nullopt;
 
-  // What the motion does not move is part of the scene, too. Where it is slow, hardly anything
-  // moves much.
+  // What the motion does not move is part of the scene, too, and there is nothing in the way of a
+  // motion that is the scene's. Where the scene is slow, hardly anything moves much.
+  const Eigen::Isometry3d rest = Eigen::Isometry3d::Identity();
+  const Eigen::Isometry3d& held = motion ? tracked.frame_to_frame.T_curr_prev : rest;
+  const std::vector<int> resting = restingOf(matches, prev);
   for (const double moves_px : {kMoves_px, kRests_px}) {
     std::vector<int> body;
     std::copy_if(resting.begin(), resting.end(), std::back_inserter(body), [&](int i) {
-      return expectedShift(prev, prev.points[i], scene->T_curr_prev, context) >= moves_px;
+      const StereoPoint& point = prev.points[i];
+      const double expected = shiftBetween(prev, point, scene->T_curr_prev, rest, context);
+      return expected >= moves_px && shiftBetween(prev, point, scene->T_curr_prev, held, context) >=
+                                         kOtherMotion * expected;
     });
-    if (static_cast<double>(body.size()) >= leastResting(inliers, has_body_) &&
-        isNearer(depthsOf(body, prev), scene->depths))
-      return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
+    if (static_cast<double>(body.size()) < std::max<double>(kMinConsensus, share * num_inliers))
+      continue;
+    if (!isNearer(depthsOf(body, prev), scene->depths)) return std::nullopt;
+    return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
   }
   return std::nullopt;
 }
 
-bool RestingFeatures::mayHideScene(const StereoFrame& prev, const StereoFrame& curr,
-                                   const TrackingResult& tracked,
+bool RestingFeatures::mayHideScene(const StereoFrame& prev, const TrackingResult& tracked,
                                    const FrameContext& context) const {
-  const std::optional<StationaryMotion> motion = findStationary(prev, curr, tracked, context);
+  const std::optional<StationaryMotion> motion =
+      findStationary(prev, tracked, context, kShareStationary, kShareOfInliers);
   if (!motion) return false;
   const std::vector<double> depths = depthsOf(motion->resting, prev);
   if (median(depths) > kFarthestBody_m) return false;
@@ -237,7 +244,7 @@ bool RestingFeatures::confirm(const std::optional<RestingBody>& body, const Ster
     for (int k = 0; k < kFewestPoints; ++k)
       count(true, &cells_.at(leftPixel(prev, prev.points[i])));
   }
-  countResting(prev, curr, body->T_curr_prev, context);
+  if (!again) countResting(prev, curr, body->T_curr_prev, context);
   return true;
 }
 
@@ -284,14 +291,12 @@ bool RestingFeatures::rests(const Eigen::Vector2f& pixel) const {
 }
 
 /// Points of the previous frame that rest, where what rests may be none of the scene.
-std::vector<int> RestingFeatures::restingOf(const std::vector<IndexPair>& matches,
-                                            const StereoFrame& prev, const StereoFrame& curr,
-                                            const FrameContext& context) const {
+std::vector<int> RestingFeatures::restingOf(const std::vector<MatchedPoint>& matches,
+                                            const StereoFrame& prev) const {
   std::vector<int> resting;
-  for (const IndexPair& match : matches) {
-    if (shiftOf(match, prev, curr, context) < kRests_px &&
-        mayRest(leftPixel(prev, prev.points[match.first])))
-      resting.push_back(match.first);
+  for (const MatchedPoint& match : matches) {
+    if (match.shift_px < kRests_px && mayRest(leftPixel(prev, prev.points[match.prev])))
+      resting.push_back(match.prev);
   }
   return resting;
 }

@@ -10,6 +10,7 @@
 #include "common/thread_pool.h"
 #include "matching/stereo_frame.h"
 #include "motion/frame_context.h"
+#include "odometry/moving_scene.h"
 #include "odometry/tracking_result.h"
 #include "point_line_odometry/stereo_camera.h"
 
@@ -42,7 +43,7 @@ class RestingFeatures {
 
   /// Points by which a camera that moves seems to be stationary, or slower than it is: they rest
   /// and lie before a scene that agrees on another motion. Looked for only if tracking failed or
-  /// found hardly anything, or where many inliers rest and much of the scene was not found; else,
+  /// found hardly anything, or where inliers rest and a quarter of the scene was not found; else,
   /// and if there are none, nothing.
   std::optional<RestingBody> findBeforeScene(const StereoFrame& prev, const StereoFrame& curr,
                                              const TrackingResult& tracked,
@@ -53,12 +54,13 @@ class RestingFeatures {
   /// be a body before a scene that moves too fast, or shows too little, to be found again. Around
   /// many points that are farther away nothing was found, as would be in the scene of a camera that
   /// is at rest.
-  bool mayHideScene(const StereoFrame& prev, const StereoFrame& curr, const TrackingResult& tracked,
+  bool mayHideScene(const StereoFrame& prev, const TrackingResult& tracked,
                     const FrameContext& context) const;
 
   /// Counts what was found in a frame, or that nothing was. Once enough points of the scene agree,
   /// in this frame and those before, features are taken to rest where the body's are, until motions
-  /// tell otherwise. A frame that is tracked twice counts once. \return whether this is so now.
+  /// tell otherwise. A frame that is tracked again counts once, with the most points of the scene.
+  /// \return whether this is so now.
   bool confirm(const std::optional<RestingBody>& body, const StereoFrame& prev,
                const StereoFrame& curr, const FrameContext& context);
 
@@ -90,19 +92,21 @@ class RestingFeatures {
 
   /// A motion that what rests may hold at rest, or near it.
   struct StationaryMotion {
-    std::vector<IndexPair> inliers;  ///< (previous, current), without far points
-    std::vector<int> resting;        ///< of these, in the previous frame
+    std::vector<MatchedPoint> inliers;
+    std::vector<int> resting;  ///< of these, in the previous frame
   };
 
   static constexpr int kCellSize_px = 16;
 
   static void count(bool rests, Counts* counts);
-  /// Nothing if tracking failed, found more of the scene than a moving camera does, or few rest.
-  std::optional<StationaryMotion> findStationary(const StereoFrame& prev, const StereoFrame& curr,
+  /// Nothing if tracking failed, found more of the features in view than `most_found`, or if fewer
+  /// rest than `least_resting` of the inliers. \param most_found, least_resting shares.
+  std::optional<StationaryMotion> findStationary(const StereoFrame& prev,
                                                  const TrackingResult& tracked,
-                                                 const FrameContext& context) const;
-  std::vector<int> restingOf(const std::vector<IndexPair>& matches, const StereoFrame& prev,
-                             const StereoFrame& curr, const FrameContext& context) const;
+                                                 const FrameContext& context, double most_found,
+                                                 double least_resting) const;
+  std::vector<int> restingOf(const std::vector<MatchedPoint>& matches,
+                             const StereoFrame& prev) const;
   void countResting(const StereoFrame& prev, const StereoFrame& curr,
                     const Eigen::Isometry3d& T_curr_prev, const FrameContext& context);
   Sums around(const Eigen::Vector2f& pixel, int cells) const;
