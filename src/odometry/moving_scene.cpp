@@ -13,7 +13,7 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kShareOfMoving = 1.0 / 3.0;
+constexpr double kShareOfMoving = 0.3;
 constexpr double kShareUnexplained = 0.5;  // of a squared shift
 
 /// Descriptors of the points of a frame but some.
