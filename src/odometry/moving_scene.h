@@ -54,8 +54,8 @@ std::vector<MatchedPoint> matchOthers(const StereoFrame& prev, const StereoFrame
                                       ThreadPool* threads);
 
 /// The motion on which points agree that do not rest (RANSAC, then least squares). Nothing unless
-/// it explains 30 % of them and kMinConsensus: leaves less than half of their squared shift. The
-/// noise of what rests moves points, too, but no motion explains that.
+/// it explains 30 % of them and kMinConsensus: leaves less than a quarter of their squared shift.
+/// The noise of what rests moves points, too, but no motion explains that.
 std::optional<MovingScene> findMovingScene(const std::vector<MatchedPoint>& matches,
                                            const FrameContext& context);
 
