@@ -199,7 +199,8 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
   // What the motion does not move is part of the scene, too, and there is nothing in the way of a
   // motion that is the scene's. Where the scene is slow, hardly anything moves much.
   const Eigen::Isometry3d rest = Eigen::Isometry3d::Identity();
-  const Eigen::Isometry3d& held = motion ? tracked.frame_to_frame.T_curr_prev : rest;
+  const MotionEstimate& found = tracked.frame_to_frame;
+  const Eigen::Isometry3d& held = found.ok() ? found.T_curr_prev : rest;
   const std::vector<int> resting = restingOf(matches, prev);
   for (const double moves_px : {kMoves_px, kRests_px}) {
     std::vector<int> body;
