@@ -52,7 +52,7 @@ TEST_F(MovingSceneTest, TheMotionOfWhatMovesIsFoundBesideWhatRests) {
   std::vector<MatchedPoint> all = matches(60, kSlow, 0.3);
   const std::vector<MatchedPoint> resting = matches(120, Isometry3d::Identity(), 0.5);
   all.insert(all.end(), resting.begin(), resting.end());
-  const auto scene = findMovingScene(all, context_);
+  const auto scene = findMovingScene(all, 1.0, context_);
   ASSERT_TRUE(scene);
   EXPECT_LT(poseDifference(scene->T_curr_prev, kSlow).tail<3>().norm(), 1e-3);
   EXPECT_GT(scene->depths.size(), 50U);
@@ -61,13 +61,13 @@ TEST_F(MovingSceneTest, TheMotionOfWhatMovesIsFoundBesideWhatRests) {
 
 TEST_F(MovingSceneTest, NoMotionExplainsNoise) {
   for (int k = 0; k < 20; ++k)
-    EXPECT_FALSE(findMovingScene(matches(100, Isometry3d::Identity(), 1.5), context_)) << k;
+    EXPECT_FALSE(findMovingScene(matches(100, Isometry3d::Identity(), 1.5), 1.0, context_)) << k;
 }
 
 TEST_F(MovingSceneTest, AFewPointsAreNoScene) {
-  EXPECT_TRUE(findMovingScene(matches(16, kSlow, 0.1), context_));
-  EXPECT_FALSE(findMovingScene(matches(7, kSlow, 0.1), context_));
-  EXPECT_FALSE(findMovingScene({}, context_));
+  EXPECT_TRUE(findMovingScene(matches(16, kSlow, 0.1), 1.0, context_));
+  EXPECT_FALSE(findMovingScene(matches(7, kSlow, 0.1), 1.0, context_));
+  EXPECT_FALSE(findMovingScene({}, 1.0, context_));
 }
 
 /// Most of what moves does so by itself: it is no scene in which the camera moves.
@@ -78,7 +78,7 @@ TEST_F(MovingSceneTest, AMinorityIsNoScene) {
         Vector3d::Zero(), {random_.uniform(-1.0, 1.0), random_.uniform(-1.0, 1.0), 0.0});
     all.push_back(match(own, 0.0));
   }
-  EXPECT_FALSE(findMovingScene(all, context_));
+  EXPECT_FALSE(findMovingScene(all, 1.0, context_));
 }
 
 TEST_F(MovingSceneTest, FarPointsAreMovedByARotationAlone) {

@@ -8,7 +8,6 @@
 #include "motion/motion_consensus.h"
 #include "motion/motion_estimator.h"
 #include "motion/observations.h"
-#include "odometry/motion_confirmation.h"
 
 namespace point_line_odometry {
 namespace {
@@ -117,11 +116,11 @@ std::vector<MatchedPoint> matchOthers(const StereoFrame& prev, const StereoFrame
 }
 
 std::optional<MovingScene> findMovingScene(const std::vector<MatchedPoint>& matches,
-                                           const FrameContext& context) {
+                                           double least_px, const FrameContext& context) {
   const StereoCamera& camera = context.camera;
   std::vector<PointCorrespondence> moving;
   for (const MatchedPoint& match : matches) {
-    if (match.shift_px >= kRests_px) moving.push_back(match.point);
+    if (match.shift_px >= least_px) moving.push_back(match.point);
   }
   const std::optional<MotionConsensus> consensus = findConsensus(moving, camera);
   if (!consensus) return std::nullopt;

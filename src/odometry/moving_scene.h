@@ -53,10 +53,10 @@ std::vector<MatchedPoint> matchOthers(const StereoFrame& prev, const StereoFrame
                                       const TrackingResult& tracked, const FrameContext& context,
                                       ThreadPool* threads);
 
-/// The motion on which points agree that do not rest (RANSAC, then least squares). Nothing unless
-/// it explains 30 % of them and kMinConsensus: leaves less than a quarter of their squared shift.
-/// The noise of what rests moves points, too, but no motion explains that.
+/// The motion on which points agree that have moved by `least_px` (RANSAC, then least squares).
+/// Nothing unless it explains 30 % of them and kMinConsensus: leaves less than a quarter of their
+/// squared shift. The noise of what rests moves points, too, but no motion explains that.
 std::optional<MovingScene> findMovingScene(const std::vector<MatchedPoint>& matches,
-                                           const FrameContext& context);
+                                           double least_px, const FrameContext& context);
 
 }  // namespace point_line_odometry

@@ -17,6 +17,15 @@ namespace {
 // [px of a point's level] A point that should move by more does not rest by chance.
 constexpr double kMoves_px = 3.0;
 
+/// What counts as moving [px of a point's level]: a scene's points by at least the one, and what
+/// rests before it should move by at least the other.
+struct Speed {
+  double scene_px;
+  double body_px;
+};
+constexpr Speed kFast = {2.0 * kRests_px, kMoves_px};
+constexpr Speed kSlow = {kRests_px, kRests_px};
+
 // Of the points that should move in a cell and around it, at most 2 % seem to rest where they are
 // the scene's, and usually at least a fifth where something rests.
 constexpr int kFewestPoints = 6;
@@ -62,6 +71,24 @@ std::vector<double> depthsOf(const std::vector<int>& points, const StereoFrame& 
   depths.reserve(points.size());
   for (const int i : points) depths.push_back(frame.points[i].triangulated.p_camera.z());
   return depths;
+}
+
+/// Of points that rest, those that a scene's motion should move. What it does not move is part of
+/// the scene, too, and there is nothing in the way where the motion that was found is the scene's.
+std::vector<int> bodyBefore(const MovingScene& scene, const std::vector<int>& resting,
+                            const StereoFrame& prev, const TrackingResult& tracked,
+                            const Speed& speed, const FrameContext& context) {
+  const Eigen::Isometry3d rest = Eigen::Isometry3d::Identity();
+  const MotionEstimate& found = tracked.frame_to_frame;
+  const Eigen::Isometry3d& held = found.ok() ? found.T_curr_prev : rest;
+  std::vector<int> body;
+  std::copy_if(resting.begin(), resting.end(), std::back_inserter(body), [&](int i) {
+    const StereoPoint& point = prev.points[i];
+    const double expected = shiftBetween(prev, point, scene.T_curr_prev, rest, context);
+    return expected >= speed.body_px &&
+           shiftBetween(prev, point, scene.T_curr_prev, held, context) >= kOtherMotion * expected;
+  });
+  return body;
 }
 
 /// Near points of a frame that were not found, far from all inliers in the image, if they are too
@@ -191,29 +218,17 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
     matches.insert(matches.end(), motion->inliers.begin(), motion->inliers.end());
     num_inliers = static_cast<double>(motion->inliers.size());
   }
-  const std::optional<MovingScene> scene = findMovingScene(matches, context);
-  if (!scene) return std::nullopt;
-  const auto num_scene = static_cast<int>(scene->depths.size());
-  if (num_scene < kShareOfMovingScene * num_inliers) return std::nullopt;
-
-  // What the motion does not move is part of the scene, too, and there is nothing in the way of a
-  // motion that is the scene's. Where the scene is slow, hardly anything moves much.
-  const Eigen::Isometry3d rest = Eigen::Isometry3d::Identity();
-  const MotionEstimate& found = tracked.frame_to_frame;
-  const Eigen::Isometry3d& held = found.ok() ? found.T_curr_prev : rest;
-  const std::vector<int> resting = restingOf(matches, prev);
-  for (const double moves_px : {kMoves_px, kRests_px}) {
-    std::vector<int> body;
-    std::copy_if(resting.begin(), resting.end(), std::back_inserter(body), [&](int i) {
-      const StereoPoint& point = prev.points[i];
-      const double expected = shiftBetween(prev, point, scene->T_curr_prev, rest, context);
-      return expected >= moves_px && shiftBetween(prev, point, scene->T_curr_prev, held, context) >=
-                                         kOtherMotion * expected;
-    });
-    if (static_cast<double>(body.size()) < std::max<double>(kMinConsensus, share * num_inliers))
-      continue;
-    if (!isNearer(depthsOf(body, prev), scene->depths)) return std::nullopt;
-    return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
+  // Where the scene is slow, hardly anything moves much.
+  for (const Speed& speed : {kFast, kSlow}) {
+    const std::optional<MovingScene> scene = findMovingScene(matches, speed.scene_px, context);
+    if (!scene) continue;
+    const auto num_scene = static_cast<int>(scene->depths.size());
+    if (num_scene < kShareOfMovingScene * num_inliers) continue;
+    std::vector<int> body =
+        bodyBefore(*scene, restingOf(matches, prev), prev, tracked, speed, context);
+    const double least = std::max<double>(kMinConsensus, share * num_inliers);
+    if (static_cast<double>(body.size()) >= least && isNearer(depthsOf(body, prev), scene->depths))
+      return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
   }
   return std::nullopt;
 }
