@@ -90,20 +90,6 @@ class RestingFeaturesTest : public ::testing::Test {
     return resting.findBeforeScene(prev, curr, failed, context_);
   }
 
-  /// Between equal poses, where these points of the previous frame were found again where they
-  /// were.
-  static TrackingResult atRest(const StereoFrame& prev, const std::vector<int>& found) {
-    TrackingResult tracked;
-    for (const int i : found) tracked.matches.points.push_back({i, i});
-    for (const int i : found)
-      tracked.correspondences.points.push_back(correspondence(prev, prev, i));
-    tracked.frame_to_frame.status = MotionStatus::kOk;
-    tracked.frame_to_frame.point_inliers.assign(found.size(), true);
-    tracked.frame_to_frame.num_point_inliers = static_cast<int>(found.size());
-    EXPECT_LT(found.size(), prev.points.size());
-    return tracked;
-  }
-
   /// Of a point that both frames have at the same index.
   static PointCorrespondence correspondence(const StereoFrame& prev, const StereoFrame& curr,
                                             int i) {
@@ -117,11 +103,23 @@ class RestingFeaturesTest : public ::testing::Test {
   /// The motion `T_curr_prev` with these points of both frames as its inliers.
   static TrackingResult moved(const StereoFrame& prev, const StereoFrame& curr,
                               const Isometry3d& T_curr_prev, const std::vector<int>& inliers) {
-    TrackingResult tracked = atRest(prev, inliers);
+    TrackingResult tracked;
+    for (const int i : inliers) {
+      tracked.matches.points.push_back({i, i});
+      tracked.correspondences.points.push_back(correspondence(prev, curr, i));
+    }
+    tracked.frame_to_frame.status = MotionStatus::kOk;
     tracked.frame_to_frame.T_curr_prev = T_curr_prev;
-    for (std::size_t k = 0; k < inliers.size(); ++k)
-      tracked.correspondences.points[k] = correspondence(prev, curr, inliers[k]);
+    tracked.frame_to_frame.point_inliers.assign(inliers.size(), true);
+    tracked.frame_to_frame.num_point_inliers = static_cast<int>(inliers.size());
+    EXPECT_LT(inliers.size(), prev.points.size());
     return tracked;
+  }
+
+  /// Between equal poses, where these points of the previous frame were found again where they
+  /// were.
+  static TrackingResult atRest(const StereoFrame& prev, const std::vector<int>& found) {
+    return moved(prev, prev, Isometry3d::Identity(), found);
   }
 
   /// Every n-th index from begin to end.

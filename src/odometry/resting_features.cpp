@@ -218,15 +218,15 @@ std::optional<RestingBody> RestingFeatures::findBeforeScene(const StereoFrame& p
     matches.insert(matches.end(), motion->inliers.begin(), motion->inliers.end());
     num_inliers = static_cast<double>(motion->inliers.size());
   }
+  const std::vector<int> resting = restingOf(matches, prev);
+  const double least = std::max<double>(kMinConsensus, share * num_inliers);
   // Where the scene is slow, hardly anything moves much.
   for (const Speed& speed : {kFast, kSlow}) {
     const std::optional<MovingScene> scene = findMovingScene(matches, speed.scene_px, context);
     if (!scene) continue;
     const auto num_scene = static_cast<int>(scene->depths.size());
     if (num_scene < kShareOfMovingScene * num_inliers) continue;
-    std::vector<int> body =
-        bodyBefore(*scene, restingOf(matches, prev), prev, tracked, speed, context);
-    const double least = std::max<double>(kMinConsensus, share * num_inliers);
+    std::vector<int> body = bodyBefore(*scene, resting, prev, tracked, speed, context);
     if (static_cast<double>(body.size()) >= least && isNearer(depthsOf(body, prev), scene->depths))
       return RestingBody{std::move(body), scene->T_curr_prev, num_scene};
   }
