@@ -98,13 +98,27 @@ struct Sequence {
   std::vector<StereoImages> images;
 };
 
-Sequence render(const SyntheticWorldOptions& options, int frames = 60) {
-  constexpr int kFirst = 60;
+Sequence render(const SyntheticWorldOptions& options, int frames = 60, int first = 60) {
   const SyntheticWorld world(options);
   Sequence sequence{options, world.calibration(), world.needsRectification(), {}};
-  for (int i = kFirst; i < kFirst + frames; ++i)
+  for (int i = first; i < first + frames; ++i)
     sequence.images.push_back(world.render(static_cast<std::size_t>(i)));
   return sequence;
+}
+
+TEST(SequenceCheck, FewPairsFarApartAreNotBlamed) {
+  SyntheticWorldOptions options;
+  options.frame_rate_hz = 2.0;
+  const std::size_t pairs = 12;
+  const Sequence sequence = render(options, 66, 0);
+  for (std::size_t first = 0; first + pairs <= sequence.images.size(); first += 6) {
+    SequenceCheck check;
+    for (std::size_t i = first; i < first + pairs; ++i) check.add(sequence.images[i]);
+    const SequenceMeasurement measurement = check.measurement();
+    EXPECT_FALSE(measurement.notSimultaneous())
+        << "from pair " << first << ": " << 1e3 * *measurement.delay_s << " +- "
+        << 1e3 * measurement.delay_sigma_s << " ms";
+  }
 }
 
 /// \param wrong_k1 is added to the first coefficient of the distortion.

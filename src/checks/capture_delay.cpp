@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <map>
 #include <utility>
 
 #include "common/statistics.h"
@@ -22,6 +23,8 @@ struct Sample {
   double y = 0.0;
   double x = 0.0;
   Eigen::RowVectorXd others;
+  std::size_t frame = 0;
+  std::size_t cell = 0;  ///< part of the image
 };
 
 /// Samples with the same coefficients of the other terms.
@@ -68,43 +71,81 @@ Group withoutOutliers(const Group& group, const Residuals& residuals, double slo
   return kept;
 }
 
-/// The slope that all groups have in common; its variance is that of the groups' scatter, since
-/// errors are alike within one.
+/// What the samples of one frame, or of one part of the image, tell of the slope.
+struct Cluster {
+  double xx = 0.0;
+  double xy = 0.0;
+};
+
+/// Variance of a slope by the scatter of clusters, as errors are alike within one (Liang and Zeger
+/// 1986), and that of Student's distribution: a few clusters agree by chance. Nothing if too few
+/// tell the slope.
+std::optional<double> varianceOf(double slope, const std::map<std::size_t, Cluster>& clusters) {
+  constexpr double kFewest = 4.0;
+  double xx = 0.0;
+  double squares = 0.0;
+  double scatter = 0.0;
+  for (const auto& [index, cluster] : clusters) {
+    const double deviation = cluster.xy - slope * cluster.xx;
+    xx += cluster.xx;
+    squares += cluster.xx * cluster.xx;
+    scatter += deviation * deviation;
+  }
+  if (squares <= 0.0) return std::nullopt;
+  const double count = xx * xx / squares;  // of clusters of one size
+  if (count < kFewest) return std::nullopt;
+  return scatter / (xx * xx) * count / (count - 3.0);
+}
+
+/// The slope that all groups have in common, from what the other terms do not explain of them.
+std::optional<CaptureDelay> slopeOf(const std::vector<Group>& groups,
+                                    const std::vector<Residuals>& residuals) {
+  std::map<std::size_t, Cluster> frames;
+  std::map<std::size_t, Cluster> cells;
+  Cluster all;
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    for (Eigen::Index i = 0; i < residuals[g].x.size(); ++i) {
+      const Sample& sample = groups[g][static_cast<std::size_t>(i)];
+      for (Cluster* cluster : {&frames[sample.frame], &cells[sample.cell], &all}) {
+        cluster->xx += residuals[g].x[i] * residuals[g].x[i];
+        cluster->xy += residuals[g].x[i] * residuals[g].y[i];
+      }
+    }
+  }
+  if (all.xx <= 0.0) return std::nullopt;
+  const double slope = all.xy / all.xx;
+  const auto by_frame = varianceOf(slope, frames);
+  const auto by_cell = varianceOf(slope, cells);
+  if (!by_frame || !by_cell) return std::nullopt;
+  return CaptureDelay{slope, std::max(*by_frame, *by_cell)};
+}
+
+/// The same without outliers.
 std::optional<CaptureDelay> commonSlope(std::vector<Group> groups) {
   constexpr int kRounds = 4;
-  constexpr int kFewestGroups = 4;
   std::vector<Residuals> residuals(groups.size());
-  CaptureDelay delay;
+  std::optional<CaptureDelay> delay;
   for (int round = 0; round < kRounds; ++round) {
-    double xx = 0.0;
-    double xy = 0.0;
-    int used = 0;
     for (std::size_t g = 0; g < groups.size(); ++g) {
-      if (round > 0) groups[g] = withoutOutliers(groups[g], residuals[g], delay.seconds);
+      if (delay) groups[g] = withoutOutliers(groups[g], residuals[g], delay->seconds);
       residuals[g] = eliminateOthers(groups[g]);
-      xx += residuals[g].x.squaredNorm();
-      xy += residuals[g].x.dot(residuals[g].y);
-      if (residuals[g].x.size() > 0) ++used;
     }
-    if (used < kFewestGroups || xx <= 0.0) return std::nullopt;
-    delay.seconds = xy / xx;
-    double scatter = 0.0;
-    for (const Residuals& r : residuals) {
-      const double deviation = r.x.dot(r.y) - delay.seconds * r.x.squaredNorm();
-      scatter += deviation * deviation;
-    }
-    delay.variance = scatter / (xx * xx) * used / (used - 1.0);
+    delay = slopeOf(groups, residuals);
+    if (!delay) return std::nullopt;
   }
   return delay;
 }
 
+/// Weighted mean; two that contradict each other have greater variances than they say (Birge 1932).
 std::optional<CaptureDelay> combined(const std::optional<CaptureDelay>& a,
                                      const std::optional<CaptureDelay>& b) {
   if (!a || !b) return a ? a : b;
   const double sum = a->variance + b->variance;
   if (sum <= 0.0) return a;
-  return CaptureDelay{(a->seconds * b->variance + b->seconds * a->variance) / sum,
-                      a->variance * b->variance / sum};
+  const double difference = a->seconds - b->seconds;
+  return CaptureDelay{
+      (a->seconds * b->variance + b->seconds * a->variance) / sum,
+      a->variance * b->variance / sum * std::max(1.0, difference * difference / sum)};
 }
 
 /// Terms of a motion field: quadratic in the image, and linear in the disparity with coefficients
@@ -160,9 +201,7 @@ std::optional<Field> fitField(const FollowedFrame& frame) {
 /// of its own.
 std::optional<CaptureDelay> delayByRows(const std::vector<const FollowedFrame*>& frames,
                                         const std::vector<std::optional<Field>>& fields) {
-  constexpr int kColumns = 6;
-  constexpr int kRows = 4;
-  std::vector<Group> groups(kColumns * kRows);
+  std::vector<Group> groups(kAlikeColumns * kAlikeRows);
   for (std::size_t t = 1; t < frames.size(); ++t) {
     if (!fields[t - 1] || !fields[t]) continue;
     const FollowedFrame& frame = *frames[t];
@@ -172,7 +211,9 @@ std::optional<CaptureDelay> delayByRows(const std::vector<const FollowedFrame*>&
       const Terms by = terms(frame, point);
       Sample sample{point.vertical_disparity, by.dot(field.col(1)), Eigen::RowVectorXd(3)};
       sample.others << 1.0, by[6], by[8];
-      groups[cellOf(point.pixel, frame.size, kColumns, kRows)].push_back(std::move(sample));
+      sample.frame = t;
+      sample.cell = cellOf(point.pixel, frame.size, kAlikeColumns, kAlikeRows);
+      groups[sample.cell].push_back(std::move(sample));
     }
   }
   return commonSlope(std::move(groups));
@@ -197,6 +238,8 @@ std::optional<CaptureDelay> delayByColumns(const std::vector<const FollowedFrame
       Sample sample{next.disparity - point.disparity, -by.dot(change.col(0)),
                     Eigen::RowVectorXd(4)};
       sample.others << 1.0, by[9], by[7], by[8];
+      sample.frame = t;
+      sample.cell = cellOf(point.pixel, frame.size, kAlikeColumns, kAlikeRows);
       group.push_back(std::move(sample));
     }
     groups.push_back(std::move(group));

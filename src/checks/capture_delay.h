@@ -19,7 +19,8 @@ struct CaptureDelay {
 /// vertical disparity is s vy, beside what a wrong calibration does, which is smooth over the image
 /// and the disparity d; and its disparity changes by -s times the change of vx, beside what the
 /// camera's motion does, in first order a combination of 1, d^2, d x and d y. The velocities are
-/// those of a smooth field that is fitted to all points.
+/// those of a smooth field that is fitted to all points. Errors are taken as alike in one frame,
+/// and in one part of the image over all frames.
 ///
 /// \param frames in their order.
 std::optional<CaptureDelay> measureDelay(const std::vector<const FollowedFrame*>& frames);

@@ -38,4 +38,8 @@ inline std::size_t cellOf(const Eigen::Vector2d& pixel, const cv::Size& size, in
   return static_cast<std::size_t>(row * columns + column);
 }
 
+/// Parts of the image in which errors of calibration and matching are alike.
+inline constexpr int kAlikeColumns = 6;
+inline constexpr int kAlikeRows = 4;
+
 }  // namespace point_line_odometry

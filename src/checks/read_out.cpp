@@ -62,9 +62,6 @@ Eigen::Matrix<double, 2, kCalibration> calibrationJacobian(const StereoCamera& c
   return by;
 }
 
-constexpr int kColumns = 6;
-constexpr int kRows = 4;
-
 Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamera& camera) {
   const auto inliers = std::count_if(step.flows.begin(), step.flows.end(),
                                      [](const Flow& flow) { return flow.inlier; });
@@ -77,7 +74,8 @@ Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamer
     equations.x.segment<2>(row) = projectionJacobian(camera, xyz) * step.byReadOut(flow);
     equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, xyz);
     equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step, flow, xyz);
-    equations.cells.push_back(cellOf(flow.from_px, {camera.width, camera.height}, kColumns, kRows));
+    equations.cells.push_back(
+        cellOf(flow.from_px, {camera.width, camera.height}, kAlikeColumns, kAlikeRows));
     row += 2;
   }
   return equations;
@@ -134,7 +132,7 @@ std::optional<ReadOut> commonChange(const std::vector<Equations>& all) {
   change.seconds = xy / xx;
   Eigen::VectorXd of_frames =
       Eigen::VectorXd::Zero(static_cast<Eigen::Index>((all.size() + kFrames - 1) / kFrames));
-  Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(kColumns * kRows);
+  Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(kAlikeColumns * kAlikeRows);
   for (std::size_t k = 0; k < all.size(); ++k) {
     const Eigen::VectorXd residual = all[k].y - change.seconds * all[k].x;
     for (std::size_t i = 0; i < all[k].cells.size(); ++i) {
