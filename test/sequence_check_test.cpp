@@ -82,7 +82,7 @@ TEST(SequenceCheck, MeasuresTheDelayOfAFlight) {
 
 TEST(SequenceCheck, MeasuresTheDelayOfADrive) {
   expectDelay("street", 0.0, 0.3);
-  expectDelay("street", 10.0, 2.5);
+  expectDelay("street", 10.0, 0.6);
 }
 
 TEST(SequenceCheck, MeasuresTheDelayAlongPlainWalls) {
@@ -111,6 +111,7 @@ TEST(SequenceCheck, FewPairsFarApartAreNotBlamed) {
   options.frame_rate_hz = 2.0;
   const std::size_t pairs = 12;
   const Sequence sequence = render(options, 66, 0);
+  int told = 0;
   for (std::size_t first = 0; first + pairs <= sequence.images.size(); first += 6) {
     SequenceCheck check;
     for (std::size_t i = first; i < first + pairs; ++i) check.add(sequence.images[i]);
@@ -118,7 +119,9 @@ TEST(SequenceCheck, FewPairsFarApartAreNotBlamed) {
     EXPECT_FALSE(measurement.notSimultaneous())
         << "from pair " << first << ": " << 1e3 * *measurement.delay_s << " +- "
         << 1e3 * measurement.delay_sigma_s << " ms";
+    told += measurement.delay_s ? 1 : 0;
   }
+  EXPECT_GT(told, 0) << "nothing was measured";
 }
 
 /// \param wrong_k1 is added to the first coefficient of the distortion.

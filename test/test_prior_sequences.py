@@ -167,7 +167,7 @@ class TrueRotations(PriorSequenceTest):
 
     def test_rendered_plaster(self):
         self.check_rotations("rendered_plaster", used=6, rpe_r_deg=0.0534,  # 0.0485; 0.1088 without
-                             ate_m=0.0104)  # 0.0095; 0.0102 without
+                             ate_m=0.0117)  # 0.0107; 0.0102 without
 
 
 class WrongPriors(PriorSequenceTest):

@@ -200,6 +200,27 @@ std::vector<StampedPose> turns(std::size_t num_frames) {
   return path;
 }
 
+/// Of a road that comes nearer, all features appear larger, and no velocity is known that tells it.
+TEST(FirstMotion, OverAHillIsAsLongAsItIs) {
+  constexpr int kSeeds = 10;
+  double sum = 0.0;
+  double squares = 0.0;
+  SyntheticWorldOptions options;
+  options.hill = 1.0;
+  for (options.seed = 101; options.seed < 101 + kSeeds; ++options.seed) {
+    const RunResult run_result = run(options, 2);
+    EXPECT_EQ(run_result.results[1].state, TrackingState::kOk) << options.seed;
+    EXPECT_LT(normalisedVelocityError(run_result, 1), 36.0) << options.seed;
+    const Eigen::Vector3d moved =
+        (run_result.ground_truth[0].inverse() * run_result.ground_truth[1]).translation();
+    const Eigen::Vector3d estimated = run_result.results[1].T_odom_camera.translation();
+    sum += (estimated - moved).dot(moved) / moved.squaredNorm();
+    squares += (estimated - moved).squaredNorm() / moved.squaredNorm();
+  }
+  EXPECT_LT(std::abs(sum / kSeeds), 0.003);       // 0.0026; 0.0067 by patches warped once
+  EXPECT_LT(std::sqrt(squares / kSeeds), 0.005);  // 0.0038; 0.0087
+}
+
 /// 5 degrees from frame to frame at EuRoC's frame rate: the view moves by 40 pixels.
 TEST(HardMotion, FastPureRotation) {
   constexpr std::size_t kFrames = 60;

@@ -111,7 +111,7 @@ std::size_t Stages::correspondences() {
 
 std::size_t Stages::estimate() {
   motion_ = estimateMotion(correspondences_, camera_, T_prev_prev2_, parameters_.motion);
-  return static_cast<std::size_t>(motion_.num_point_inliers + motion_.num_line_inliers);
+  return static_cast<std::size_t>(motion_.numInliers());
 }
 
 std::size_t Stages::fuse() {
@@ -123,7 +123,7 @@ std::size_t Stages::fuse() {
   if (!over_two.ok()) return 0;
   const MotionEstimate fused = fuseRotation(motion_, {over_two.T_curr_prev, T_prev_prev2_},
                                             correspondences_, camera_, parameters_.motion);
-  return static_cast<std::size_t>(fused.num_point_inliers + fused.num_line_inliers);
+  return static_cast<std::size_t>(fused.numInliers());
 }
 
 }  // namespace point_line_odometry

@@ -97,7 +97,9 @@ std::optional<double> varianceOf(double slope, const std::map<std::size_t, Clust
   return scatter / (xx * xx) * count / (count - 3.0);
 }
 
-/// The slope that all groups have in common, from what the other terms do not explain of them.
+/// The slope that all groups have in common, from what the other terms do not explain of them, with
+/// the scatter of frames and that of cells (Cameron, Gelbach and Miller 2011, without the term that
+/// they subtract).
 std::optional<CaptureDelay> slopeOf(const std::vector<Group>& groups,
                                     const std::vector<Residuals>& residuals) {
   std::map<std::size_t, Cluster> frames;
@@ -117,7 +119,7 @@ std::optional<CaptureDelay> slopeOf(const std::vector<Group>& groups,
   const auto by_frame = varianceOf(slope, frames);
   const auto by_cell = varianceOf(slope, cells);
   if (!by_frame || !by_cell) return std::nullopt;
-  return CaptureDelay{slope, std::max(*by_frame, *by_cell)};
+  return CaptureDelay{slope, *by_frame + *by_cell};
 }
 
 /// The same without outliers.

@@ -36,6 +36,7 @@ struct MotionEstimate {
   ResidualHistogram line_residuals;   ///< of the inliers
 
   bool ok() const { return status == MotionStatus::kOk; }
+  int numInliers() const { return num_point_inliers + num_line_inliers; }
 };
 
 /// Minimises the point-line reprojection error in frame k (paper, eq. 7) by Levenberg-Marquardt

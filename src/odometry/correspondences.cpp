@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <optional>
 
 #include "matching/patch_warp.h"
 #include "motion/observations.h"
@@ -9,14 +11,20 @@
 namespace point_line_odometry {
 namespace {
 
+/// Warp of the patch around a point of an earlier frame to both images of the current one.
+std::optional<StereoWarp> warpOf(const StereoPoint& point, const Eigen::Isometry3d& T_curr_earlier,
+                                 const StereoCamera& camera) {
+  return stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
+                         T_curr_earlier.linear() * pixelAxes(camera, point));
+}
+
 /// The patch around a point of an earlier frame, warped to both images of the current one.
 StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
                     const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
   const Keypoint& keypoint = earlier.features.points_left[point.left];
   const cv::Mat& image = earlier.left_image.levels[static_cast<std::size_t>(keypoint.octave)];
   const Eigen::Vector2f pixel = earlier.left_image.toLevel(keypoint.pixel, keypoint.octave);
-  const auto warp = stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
-                                    T_curr_earlier.linear() * pixelAxes(camera, point));
+  const auto warp = warpOf(point, T_curr_earlier, camera);
   if (warp) return StereoPatch(image, pixel, *warp);
   return StereoPatch(PatchAligner(image, pixel));
 }
@@ -87,6 +95,27 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
     correspondences.lines.push_back(line);
   }
   return correspondences;
+}
+
+bool warpsDiffer(const StereoFrame& earlier, const CircularMatches& matches,
+                 const MotionEstimate& motion, const Eigen::Isometry3d& T_curr_earlier,
+                 const StereoCamera& camera) {
+  constexpr double kMaxChange = 0.02;
+  constexpr double kMinShare = 0.1;
+  int changed = 0;
+  for (std::size_t i = 0; i < matches.points.size(); ++i) {
+    if (!motion.point_inliers[i]) continue;
+    const StereoPoint& point = earlier.points[matches.points[i].first];
+    const auto before = warpOf(point, T_curr_earlier, camera);
+    const auto now = warpOf(point, motion.T_curr_prev, camera);
+    if (!now) continue;
+    const Eigen::Matrix2f change =
+        before ? Eigen::Matrix2f(now->left * before->left.inverse()) : now->left;
+    // Of a scale 1 + s, or a roll by s, the norm is sqrt(2) s.
+    const double size = (change - Eigen::Matrix2f::Identity()).norm() / std::sqrt(2.0);
+    changed += size > kMaxChange ? 1 : 0;
+  }
+  return changed > kMinShare * motion.num_point_inliers;
 }
 
 }  // namespace point_line_odometry

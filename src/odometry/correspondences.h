@@ -5,17 +5,25 @@
 #include "matching/stereo_frame.h"
 #include "motion/correspondence.h"
 #include "motion/frame_context.h"
+#include "motion/motion_estimator.h"
 
 namespace point_line_odometry {
 
 /// Correspondences of circular matches for the motion estimate: positions in the earlier frame and
 /// (sub-)pixels in the current one. Element i of the points and lines belongs to element i of the
 /// matches.
-/// \param T_curr_earlier as predicted, to warp patches. \param threads for the alignment of
-/// patches, or null.
+/// \param T_curr_earlier by which patches are warped. \param threads for the alignment of patches,
+/// or null.
 Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFrame& curr,
                                     const CircularMatches& matches,
                                     const Eigen::Isometry3d& T_curr_earlier,
                                     const FrameContext& context, ThreadPool* threads);
+
+/// Whether the warps of a tenth of an estimate's inlier points differ by more than 2 % of a patch's
+/// size, in scale, roll or shear, from those by which they were aligned: the alignment is biased
+/// towards these. \param T_curr_earlier by which patches were warped.
+bool warpsDiffer(const StereoFrame& earlier, const CircularMatches& matches,
+                 const MotionEstimate& motion, const Eigen::Isometry3d& T_curr_earlier,
+                 const StereoCamera& camera);
 
 }  // namespace point_line_odometry

@@ -30,10 +30,12 @@ MotionEstimate FrameMotionEstimator::estimate(const Correspondences& matches,
   return *std::move(with_prior);
 }
 
+bool FrameMotionEstimator::knowsVelocity() const { return isCurrent(velocity_); }
+
 bool FrameMotionEstimator::isImplausible(const MotionEstimate& motion,
                                          const ExpectedMotion& expected,
                                          const StereoFrame& earlier) const {
-  if (!isCurrent(velocity_) || !context_.parameters.motion.solve_near_prediction) return false;
+  if (!knowsVelocity() || !context_.parameters.motion.solve_near_prediction) return false;
   return !isPlausible(motion, atVelocity(expected.prediction.T_curr_prev, earlier));
 }
 
@@ -50,7 +52,7 @@ MotionEstimate FrameMotionEstimator::estimateByImages(const Correspondences& mat
                                                       const Eigen::Isometry3d& T_curr_prev,
                                                       const StereoFrame& earlier,
                                                       ThreadPool* threads) const {
-  if (!isCurrent(velocity_))
+  if (!knowsVelocity())
     return estimateMotion(matches, context_.camera, T_curr_prev, context_.parameters.motion,
                           threads);
   return estimateCameraMotion(matches, context_.camera, atVelocity(T_curr_prev, earlier),

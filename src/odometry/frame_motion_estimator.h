@@ -37,6 +37,9 @@ class FrameMotionEstimator {
                           const StereoFrame& earlier, ThreadPool* threads,
                           TrackingResult* tracked) const;
 
+  /// Whether a current velocity predicts the motion.
+  bool knowsVelocity() const;
+
   /// Whether a camera hardly moves so after the predicted motion; false without a current velocity.
   bool isImplausible(const MotionEstimate& motion, const ExpectedMotion& expected,
                      const StereoFrame& earlier) const;

@@ -39,14 +39,23 @@ class FrameToFrameTracker {
                        ThreadPool* threads) const;
 
  private:
-  TrackingResult trackNear(const StereoFrame& earlier, const StereoFrame& curr,
-                           const ExpectedMotion& expected, const TrackingStages& stages,
-                           ThreadPool* threads) const;
-  TrackingResult better(TrackingResult tracked, TrackingResult retried, const StereoFrame& earlier,
-                        const StereoFrame& curr, const ExpectedMotion& expected,
-                        ThreadPool* threads) const;
-  bool isConfirmedByMap(const MotionEstimate& motion, const StereoFrame& earlier,
-                        const StereoFrame& curr, ThreadPool* threads) const;
+  /// Both frames, and what their tracking uses.
+  struct TrackingInput {
+    const StereoFrame& earlier;
+    const StereoFrame& curr;
+    const TrackingStages& stages;
+    ThreadPool* threads;
+  };
+
+  TrackingResult trackNear(const ExpectedMotion& expected, const TrackingInput& input) const;
+  CircularMatches match(const MotionPrediction& near, const TrackingInput& input) const;
+  TrackingResult trackMatches(CircularMatches matches, const Eigen::Isometry3d& T_curr_prev,
+                              const ExpectedMotion& expected, const TrackingInput& input) const;
+  TrackingResult withoutRestingPoints(TrackingResult tracked, const ExpectedMotion& expected,
+                                      const TrackingInput& input) const;
+  TrackingResult better(TrackingResult tracked, TrackingResult retried,
+                        const ExpectedMotion& expected, const TrackingInput& input) const;
+  bool isConfirmedByMap(const MotionEstimate& motion, const TrackingInput& input) const;
 
   const FrameHistory& history_;
   const FrameMotionEstimator& estimator_;

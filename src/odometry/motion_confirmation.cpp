@@ -100,7 +100,7 @@ std::vector<bool> restingThatMayHold(const StereoFrame& earlier, const StereoFra
     resting.push_back(point.far && shift.norm() < kRests_px * levelScale(left, context.parameters));
     num_resting += resting[i] && motion.point_inliers[i] ? 1 : 0;
   }
-  const int num_inliers = motion.num_point_inliers + motion.num_line_inliers;
+  const int num_inliers = motion.numInliers();
   if (num_resting < kMinRestingFar || num_resting < kShareRestingFar * num_inliers) return {};
   const int in_view = countNearInView(earlier, context.camera, motion.T_curr_prev);
   const bool may_hold =
@@ -144,7 +144,7 @@ bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
 
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,
                        const MotionEstimate& motion) {
-  return motion.num_point_inliers + motion.num_line_inliers >= kMinRecognized &&
+  return motion.numInliers() >= kMinRecognized &&
          shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
 }
 

@@ -17,7 +17,9 @@ DoctorLine evaluateTrigger(const SequenceMeasurement& sequence) {
   if (sequence.frames < kFewestFrames) {
     return unknownLine(Subject::kTrigger, "not measured: too few consecutive pairs");
   }
-  if (!sequence.delay_s) return okLine(Subject::kTrigger, "not checked: too few points move");
+  if (!sequence.delay_s) {
+    return okLine(Subject::kTrigger, "not checked: too few points move, or in too few pairs");
+  }
   const double delay_s = *sequence.delay_s;
   if (sequence.notSimultaneous()) {
     return failureLine(
@@ -30,7 +32,8 @@ DoctorLine evaluateTrigger(const SequenceMeasurement& sequence) {
   }
   const double within_s = std::abs(delay_s) + 3.0 * sequence.delay_sigma_s;
   if (within_s > kTellsAbove_s) {
-    return okLine(Subject::kTrigger, "not checked: the camera hardly moves");
+    return okLine(Subject::kTrigger,
+                  "not checked: the camera moves too little, or in too few pairs");
   }
   return okLine(Subject::kTrigger,
                 "both images are taken at the same time, within " + milliseconds(within_s));
