@@ -25,6 +25,7 @@ from nodelet.srv import NodeletLoad, NodeletUnload
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 
+from ros_fixture import wait_until
 from tool_fixture import run, write_png
 
 # catkin's environment for tests is made before the messages' modules are, in a new workspace.
@@ -59,6 +60,19 @@ class RecorderTest(unittest.TestCase):
         with self.changed:
             received.append(message)
             self.changed.notify_all()
+
+    def logs(self):
+        """What is logged from now on; all that log are connected."""
+        logs = []
+        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
+        self.addCleanup(subscriber.unregister)
+
+        def is_connected():
+            publishers = dict(rospy.get_master().getSystemState()[2][0])["/rosout"]
+            return subscriber.get_num_connections() >= len(publishers)
+
+        self.assertTrue(wait_until(is_connected), "the log is not connected")
+        return logs
 
     def wait(self, condition, what):
         with self.changed:
@@ -283,9 +297,7 @@ class RecorderTest(unittest.TestCase):
         self.check_same(self.replay(answer.files[1]), answer.frames)
 
     def test_a_mask_of_the_wrong_size_is_named(self):
-        logs = []
-        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
-        self.addCleanup(subscriber.unregister)
+        logs = self.logs()
         file = os.path.join(self.folder, "small.png")
         write_png(file, [bytes(20)] * 10)
         self.start_with_masks({"lockstep_topic": ""}, right={"mask": file})
@@ -296,15 +308,13 @@ class RecorderTest(unittest.TestCase):
     # --- Parameters at the start
 
     def test_names_everything_that_is_wrong_at_the_start(self):
-        logs = []
-        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
-        self.addCleanup(subscriber.unregister)
+        logs = self.logs()
         libraries = {"compressed": {"mode": "gray"}, "theora": {"post_processing_level": 1},
                      "diagnostic_period": 2.0, "num_worker_threads": 2}
         rospy.set_param(NODE, dict(
             libraries, no_such=1, deep={"er": {"name": 2}}, points={"levels": 99, "level": 3},
             recorder={"frames": -1, "frame": 5}, rectify="yes", motion={"huber_delta": -1.0}))
-        deadline = time.monotonic() + TIMEOUT_S  # the log takes a while to be connected
+        deadline = time.monotonic() + TIMEOUT_S
         while not any("does not start" in log.msg for log in logs):
             self.assertLess(time.monotonic(), deadline, "the message does not come")
             self.assertFalse(self.try_to_load(NODE, "StereoOdometry"))
@@ -321,9 +331,7 @@ class RecorderTest(unittest.TestCase):
         self.load(NODE, "StereoOdometry")
 
     def test_starts_with_retired_parameters_and_warns(self):
-        logs = []
-        subscriber = rospy.Subscriber("/rosout", Log, self.take, logs)
-        self.addCleanup(subscriber.unregister)
+        logs = self.logs()
         self.start({"motion": {"max_iterations": 50, "min_matches": 9}})
         self.wait_frames(2)
         client = self.client()
