@@ -203,7 +203,7 @@ std::optional<Field> fitField(const FollowedFrame& frame) {
 /// of its own.
 std::optional<CaptureDelay> delayByRows(const std::vector<const FollowedFrame*>& frames,
                                         const std::vector<std::optional<Field>>& fields) {
-  std::vector<Group> groups(kAlikeColumns * kAlikeRows);
+  std::vector<Group> groups(kClusters);
   for (std::size_t t = 1; t < frames.size(); ++t) {
     if (!fields[t - 1] || !fields[t]) continue;
     const FollowedFrame& frame = *frames[t];
@@ -214,7 +214,7 @@ std::optional<CaptureDelay> delayByRows(const std::vector<const FollowedFrame*>&
       Sample sample{point.vertical_disparity, by.dot(field.col(1)), Eigen::RowVectorXd(3)};
       sample.others << 1.0, by[6], by[8];
       sample.frame = t;
-      sample.cell = cellOf(point.pixel, frame.size, kAlikeColumns, kAlikeRows);
+      sample.cell = clusterOf(point.pixel, frame.size);
       groups[sample.cell].push_back(std::move(sample));
     }
   }
@@ -241,7 +241,7 @@ std::optional<CaptureDelay> delayByColumns(const std::vector<const FollowedFrame
                     Eigen::RowVectorXd(4)};
       sample.others << 1.0, by[9], by[7], by[8];
       sample.frame = t;
-      sample.cell = cellOf(point.pixel, frame.size, kAlikeColumns, kAlikeRows);
+      sample.cell = clusterOf(point.pixel, frame.size);
       group.push_back(std::move(sample));
     }
     groups.push_back(std::move(group));

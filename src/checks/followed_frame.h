@@ -38,8 +38,15 @@ inline std::size_t cellOf(const Eigen::Vector2d& pixel, const cv::Size& size, in
   return static_cast<std::size_t>(row * columns + column);
 }
 
-/// Parts of the image in which errors of calibration and matching are alike.
-inline constexpr int kAlikeColumns = 6;
-inline constexpr int kAlikeRows = 4;
+/// Parts of the image in which errors of calibration and matching are alike: each is a cluster of
+/// the variance of a measurement.
+inline constexpr int kClusterColumns = 6;
+inline constexpr int kClusterRows = 4;
+inline constexpr int kClusters = kClusterColumns * kClusterRows;
+
+/// The index of the one that a pixel lies in.
+inline std::size_t clusterOf(const Eigen::Vector2d& pixel, const cv::Size& size) {
+  return cellOf(pixel, size, kClusterColumns, kClusterRows);
+}
 
 }  // namespace point_line_odometry

@@ -74,8 +74,7 @@ Equations equationsOf(const FlowStep& step, double read_out_s, const StereoCamer
     equations.x.segment<2>(row) = projectionJacobian(camera, xyz) * step.byReadOut(flow);
     equations.motion.middleRows<2>(row) = motionJacobian(camera, flow, xyz);
     equations.calibration.middleRows<2>(row) = calibrationJacobian(camera, step, flow, xyz);
-    equations.cells.push_back(
-        cellOf(flow.from_px, {camera.width, camera.height}, kAlikeColumns, kAlikeRows));
+    equations.cells.push_back(clusterOf(flow.from_px, {camera.width, camera.height}));
     row += 2;
   }
   return equations;
@@ -132,7 +131,7 @@ std::optional<ReadOut> commonChange(const std::vector<Equations>& all) {
   change.seconds = xy / xx;
   Eigen::VectorXd of_frames =
       Eigen::VectorXd::Zero(static_cast<Eigen::Index>((all.size() + kFrames - 1) / kFrames));
-  Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(kAlikeColumns * kAlikeRows);
+  Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(kClusters);
   for (std::size_t k = 0; k < all.size(); ++k) {
     const Eigen::VectorXd residual = all[k].y - change.seconds * all[k].x;
     for (std::size_t i = 0; i < all[k].cells.size(); ++i) {
