@@ -25,8 +25,7 @@ from nodelet.srv import NodeletLoad, NodeletUnload
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 
-from ros_fixture import wait_until
-from tool_fixture import run, write_png
+from tool_fixture import run, wait_until, write_png
 
 # catkin's environment for tests is made before the messages' modules are, in a new workspace.
 sys.path += [os.path.join(prefix, "lib", "python3", "dist-packages")

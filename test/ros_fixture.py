@@ -20,24 +20,15 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from tool_fixture import START_UP_S, wait_until
+
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
-START_UP_S = 60.0
 
 
 def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
-
-
-def wait_until(condition, timeout_s=START_UP_S):
-    """True as soon as the condition is; False after the timeout."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 class Host:

@@ -25,7 +25,8 @@ from nav_msgs.msg import Odometry
 from point_line_odometry.msg import OdometryInfo
 from std_msgs.msg import String
 
-from ros_fixture import REPOSITORY, Host, RosTest, wait_until
+from ros_fixture import REPOSITORY, Host, RosTest
+from tool_fixture import wait_until
 
 PLUGINS = os.path.join(REPOSITORY, "test", "plugins")
 

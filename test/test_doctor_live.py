@@ -13,8 +13,8 @@ import unittest
 import rosbag
 
 from doctor_fixture import SUBJECTS, SUBJECTS_OF_NODE, ReportChecks, parse
-from ros_fixture import REPOSITORY, local_host, wait_until
-from tool_fixture import find_program, run
+from ros_fixture import REPOSITORY, local_host
+from tool_fixture import find_program, run, wait_until
 
 LIVE_S = 60.0
 

@@ -22,8 +22,8 @@ from tf2_msgs.msg import TFMessage
 from doctor_fixture import SUBJECTS, parse
 from document_fixture import (DOCUMENTS, REPOSITORY, anchors, blocks, code_spans, commands, links,
                               read_document)
-from ros_fixture import RosTest, wait_until
-from tool_fixture import find_program, make_kitti, run, write
+from ros_fixture import RosTest
+from tool_fixture import find_program, make_kitti, run, wait_until, write
 
 SCRIPTS = os.path.join(REPOSITORY, "scripts")
 TOOLS = ("offline_odometry", "check_calibration", "dataset_to_bag", "evaluate_trajectory",

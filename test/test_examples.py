@@ -11,7 +11,8 @@ import unittest
 
 import rospy
 from point_line_odometry.msg import StereoFeatures
-from ros_fixture import REPOSITORY, RosTest, wait_until
+from ros_fixture import REPOSITORY, RosTest
+from tool_fixture import wait_until
 from sensor_msgs.msg import Range
 
 EXAMPLES = os.path.join(REPOSITORY, "examples")

@@ -15,8 +15,8 @@ import yaml
 from nav_msgs.msg import Odometry
 
 from document_fixture import blocks, read_document
-from ros_fixture import REPOSITORY, RosTest, wait_until
-from tool_fixture import find_program, make_kitti, run, write
+from ros_fixture import REPOSITORY, RosTest
+from tool_fixture import find_program, make_kitti, run, wait_until, write
 
 PACKAGE = "point_line_odometry"
 TOOLS = ("offline_odometry", "dataset_to_bag", "doctor", "synthetic_world", "benchmark",

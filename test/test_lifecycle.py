@@ -16,7 +16,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from point_line_odometry.msg import OdometryInfo
 from std_srvs.srv import SetBool
 
-from ros_fixture import RosTest, WallCamera, call_trigger, wait_until
+from ros_fixture import RosTest, WallCamera, call_trigger
+from tool_fixture import wait_until
 
 STEP_M = WallCamera.STEP_M
 

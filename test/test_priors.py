@@ -17,7 +17,8 @@ from point_line_odometry.msg import OdometryInfo
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
-from ros_fixture import RosTest, WallCamera, wait_until
+from ros_fixture import RosTest, WallCamera
+from tool_fixture import wait_until
 
 STEP_M = WallCamera.STEP_M
 PERIOD_S = WallCamera.PERIOD_S

@@ -16,8 +16,8 @@ import unittest
 import numpy as np
 import rosbag
 
-from ros_fixture import REPOSITORY, START_UP_S, local_host
-from tool_fixture import data_folder, find_program, run
+from ros_fixture import REPOSITORY, local_host
+from tool_fixture import START_UP_S, data_folder, find_program, run
 
 RECORDED = ["/stereo/odom", "/stereo/info", "/tf", "/tf_static", "/ground_truth/odom"]
 FRAME_S = 3.0  # at most, of a demo

@@ -1,4 +1,4 @@
-"""What the tests of the command line tools share: a small sequence, and how programs are run."""
+"""What tests share that need no ROS system: a small sequence, and how programs are run."""
 
 import os
 import random
@@ -6,6 +6,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import time
 import unittest
 import zlib
 
@@ -14,6 +15,17 @@ import rosbag
 WIDTH, HEIGHT = 320, 160
 FOCAL_PX, BASELINE_M, DEPTH_M = 200.0, 0.4, 8.0
 FRAMES = 4
+START_UP_S = 60.0
+
+
+def wait_until(condition, timeout_s=START_UP_S):
+    """True as soon as the condition is; False after the timeout."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
 
 
 def find_program(name):
