@@ -54,6 +54,17 @@ TEST(MotionConfirmation, WhatIsFoundByChanceDependsOnWhatIsInView) {
   EXPECT_FALSE(isByChance(frameOf(400), kCamera, turned)) << "nothing of the frame is in view";
 }
 
+TEST(MotionConfirmation, OutliersAreMatchesThatDisagree) {
+  TrackingResult tracked = foundOf(60, 20);
+  EXPECT_EQ(shareAgreeing(tracked), 1.0);
+  tracked.correspondences.points.resize(70);
+  tracked.correspondences.lines.resize(10);
+  EXPECT_EQ(shareAgreeing(tracked), 0.75);
+  tracked.frame_to_frame.num_line_inliers = 8;
+  EXPECT_EQ(shareAgreeing(tracked), 0.85);
+  EXPECT_EQ(shareAgreeing(TrackingResult()), 0.0);
+}
+
 /// On top of a hill, where the motion has no translation of the images.
 TEST(MotionConfirmation, FarPointsDoNotAgreeByChance) {
   EXPECT_TRUE(isByChance(frameOf(400), kCamera, foundOf(60, 30)));

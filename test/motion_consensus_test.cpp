@@ -109,6 +109,43 @@ INSTANTIATE_TEST_SUITE_P(Shares, ConsensusTest,
                                            Case{80, 200, synthetic::motion()},
                                            Case{40, 200, Isometry3d::Identity()}));
 
+/// Most matches agree on one motion, as those of structure that repeats itself: it is a repetition
+/// off.
+TEST(OutliersOf, HaveAnotherMotion) {
+  const StereoCamera camera = synthetic::camera();
+  Isometry3d wrong = farMotion();
+  wrong.translation().z() += 4.0;
+  synthetic::Random random(7);
+  std::vector<PointCorrespondence> matches;
+  for (int i = 0; i < 90; ++i)
+    matches.push_back(rightMatch(camera, i % 3 == 0 ? farMotion() : wrong, &random));
+  const auto first = findConsensus(matches, camera);
+  ASSERT_TRUE(first);
+  EXPECT_LT((first->T_curr_prev.translation() - wrong.translation()).norm(), 0.5);
+  const std::vector<PointCorrespondence> rest = outliersOf(matches, camera, wrong);
+  EXPECT_GE(rest.size(), 25U);
+  EXPECT_LE(rest.size(), 30U);
+  const auto second = findConsensus(rest, camera);
+  ASSERT_TRUE(second);
+  EXPECT_LT((second->T_curr_prev.translation() - farMotion().translation()).norm(), 0.5);
+}
+
+/// Of an inlier errors are up to 3 px; what is farther off than twice that is not explained.
+TEST(OutliersOf, AreFartherOffThanTwoErrorsOfAnInlier) {
+  const StereoCamera camera = synthetic::camera();
+  synthetic::Random random(8);
+  for (const double error_px : {0.0, 5.0, 7.0}) {
+    PointCorrespondence match = rightMatch(camera, farMotion(), &random);
+    match.left_px = camera.projectLeft(farMotion() * match.p_prev) + Vector2d(0.0, error_px);
+    EXPECT_EQ(outliersOf({match}, camera, farMotion()).size(), error_px > 6.0 ? 1U : 0U)
+        << error_px;
+  }
+  PointCorrespondence unknown = rightMatch(camera, farMotion(), &random);
+  unknown.left_px.x() = kNaN;
+  EXPECT_EQ(outliersOf({unknown}, camera, farMotion()).size(), 1U);
+  EXPECT_TRUE(outliersOf({}, camera, farMotion()).empty());
+}
+
 TEST(FindConsensus, IsAsAccurateAsPixelsAllow) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     auto matches = mixedMatches(farMotion(), 60, 200, seed);

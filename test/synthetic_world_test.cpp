@@ -204,6 +204,19 @@ TEST(SyntheticWorld, OpenCountryHasFewEdges) {
   }
 }
 
+/// The road is another one, the sky and the fronts of the houses are not.
+TEST(SyntheticWorld, OnlyWhatIsLevelRepeats) {
+  SyntheticWorldOptions options;
+  options.noise = 0.0;
+  const cv::Mat before = SyntheticWorld(options).render(0).left;
+  options.repetition_m = 2.0;
+  const cv::Mat after = SyntheticWorld(options).render(0).left;
+  const cv::Mat differs = before != after;
+  const cv::Mat upper = differs.rowRange(0, differs.rows / 4);
+  EXPECT_LT(cv::countNonZero(upper), 0.03 * static_cast<double>(upper.total()));  // sills, chimneys
+  EXPECT_GT(cv::countNonZero(differs), 0.2 * static_cast<double>(differs.total()));
+}
+
 /// What is not masked is the same scene as without the bonnet; what is masked is at rest, but for
 /// what it reflects, and is a surface in front of both cameras.
 TEST(SyntheticWorld, TheBonnetIsWhereItsMasksSay) {

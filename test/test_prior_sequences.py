@@ -8,7 +8,7 @@ import unittest
 
 import numpy as np
 
-from test_sequences import ErrorTest
+from test_sequences import ErrorTest, root_mean_square
 from tool_fixture import data_folder, write
 
 # Frames of each sequence, and of every 6th of them.
@@ -166,8 +166,19 @@ class TrueRotations(PriorSequenceTest):
                              ate_m=0.0061)  # 0.0055; 0.0056 without
 
     def test_rendered_plaster(self):
-        self.check_rotations("rendered_plaster", used=6, rpe_r_deg=0.0534,  # 0.0485; 0.1088 without
-                             ate_m=0.0117)  # 0.0107; 0.0102 without
+        """Eight motions are few: root mean squares over the starts at each of the first six frames."""
+        name = "rendered_plaster"
+        errors = []
+        for start in range(6):
+            folder = self.with_frames(name, range(start, FRAMES[name][0], 6))
+            summary, error = self.with_priors(folder, gyroscope_rows(folder, 1))
+            self.assertEqual(set(summary["states"]), {"initializing", "ok"}, start)
+            self.assertGreaterEqual(summary["priors"].get("used", 0), 5)
+            errors.append(error)
+        rms = {key: root_mean_square([error[key] for error in errors]) for key in ("ate_m", "rpe_r_deg")}
+        self.print_errors(f"{name}, every 6th, with true rotations, six starts", rms)
+        self.assertLess(rms["rpe_r_deg"], 0.0632)  # 0.0575
+        self.assertLess(rms["ate_m"], 0.0104)  # 0.0094
 
 
 class WrongPriors(PriorSequenceTest):

@@ -175,6 +175,27 @@ TEST(Material, DoesNotRepeat) {
   }
 }
 
+TEST(Material, RepeatsAfterTheLengthThatIsGiven) {
+  constexpr float kLength = 0.5F;
+  for (const Pattern pattern : kPatterns) {
+    Material m = material(pattern);
+    m.repetition = kLength;
+    int different = 0;
+    for (int i = 0; i < 25; ++i) {
+      const float u = 0.02F * static_cast<float>(i);
+      const float once = reflectance(m, patchAt(u, 0.3F, 0.005F));
+      for (const float lengths : {-3.0F, 1.0F, 40.0F}) {
+        EXPECT_NEAR(reflectance(m, patchAt(u + lengths * kLength, 0.3F, 0.005F)), once, 2e-3F)
+            << static_cast<int>(pattern);
+        EXPECT_NEAR(reflectance(m, patchAt(u, 0.3F + lengths * kLength, 0.005F)), once, 2e-3F)
+            << static_cast<int>(pattern);
+      }
+      different += reflectance(m, patchAt(u, 0.05F, 0.005F)) != once ? 1 : 0;
+    }
+    EXPECT_GT(different, 10) << static_cast<int>(pattern);
+  }
+}
+
 /// Variance of the means over squares of a size, over the variance of the pattern itself, both
 /// around the mean of half a metre.
 double shareLeftInMeans(const Material& m, float size) {

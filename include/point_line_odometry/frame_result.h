@@ -36,7 +36,8 @@ enum class TrackingReason {
   kTooFewInliers,
   kTooFast,
   kWeakMotion,       ///< fused with the prediction, which constrains some axes better
-  kAmbiguousMotion,  ///< the features found may be the robot's own body, or agree by chance
+  kAmbiguousMotion,  ///< the features found may be the robot's own body, or agree by chance or as
+                     ///< structure that repeats itself
   kException         ///< something was thrown while the frame was processed; see FrameResult::error
 };
 

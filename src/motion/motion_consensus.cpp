@@ -15,6 +15,7 @@ namespace {
 constexpr double kMaxErrorPx = 3.0;  // of an inlier, in each coordinate: keypoints are not aligned
 constexpr int kMaxSamples = 1000;
 constexpr double kConfidence = 0.999;  // that one of the samples is free of outliers
+constexpr double kUnexplained = 2.0;   // beyond so many errors of an inlier
 constexpr double kLeastSine = 0.02;    // of the angle between two rays that give a rotation
 
 template <std::size_t kSize>
@@ -93,12 +94,13 @@ std::vector<Eigen::Isometry3d> solveTwo(const std::vector<PointCorrespondence>& 
   return {T_curr_prev};
 }
 
+/// \param tolerance [errors of an inlier].
 bool agrees(const PointCorrespondence& match, const StereoCamera& camera,
-            const Eigen::Isometry3d& T_curr_prev) {
+            const Eigen::Isometry3d& T_curr_prev, double tolerance = 1.0) {
   const Eigen::Vector3d p = T_curr_prev * match.p_prev;
   if (!(p.z() > 0.1 * camera.baseline_m)) return false;
   const Eigen::Array2d error_px = camera.projectLeft(p) - match.left_px;
-  const double max_error_px = kMaxErrorPx * match.sigma_px;
+  const double max_error_px = tolerance * kMaxErrorPx * match.sigma_px;
   return (error_px.abs() <= max_error_px).all() &&  // false for NaN
          std::abs(camera.projectRight(p).x() - match.right_px.x()) <= max_error_px;
 }
@@ -153,6 +155,16 @@ std::optional<MotionConsensus> findRotation(const std::vector<PointCorrespondenc
   return ransac<2>(far_matches, camera, [&](const MinimalSample<2>& sample) {
     return solveTwo(far_matches, camera, position_prev, sample);
   });
+}
+
+std::vector<PointCorrespondence> outliersOf(const std::vector<PointCorrespondence>& matches,
+                                            const StereoCamera& camera,
+                                            const Eigen::Isometry3d& T_curr_prev) {
+  std::vector<PointCorrespondence> rest;
+  for (const PointCorrespondence& match : matches) {
+    if (!agrees(match, camera, T_curr_prev, kUnexplained)) rest.push_back(match);
+  }
+  return rest;
 }
 
 }  // namespace point_line_odometry

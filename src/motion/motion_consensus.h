@@ -31,4 +31,10 @@ std::optional<MotionConsensus> findRotation(const std::vector<PointCorrespondenc
 
 constexpr int kMinConsensus = 8;
 
+/// The matches that a motion does not explain, within twice the error of an inlier. RANSAC over
+/// them finds another motion (sequential RANSAC).
+std::vector<PointCorrespondence> outliersOf(const std::vector<PointCorrespondence>& matches,
+                                            const StereoCamera& camera,
+                                            const Eigen::Isometry3d& T_curr_prev);
+
 }  // namespace point_line_odometry

@@ -59,6 +59,11 @@ class PriorFactor {
   /// of them.
   static bool agrees(const PriorReport& report);
 
+  /// Whether a motion was estimated with a prior that knows all its axes.
+  static bool usesAllAxes(const PriorReport& report) {
+    return report.use == PriorUse::kUsed && report.axes == 6;
+  }
+
  private:
   Vector6d difference(const Eigen::Isometry3d& T_curr_prev) const;
 

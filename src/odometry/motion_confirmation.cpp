@@ -85,6 +85,12 @@ double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
          std::max<double>(1.0, countNearInView(earlier, camera, motion.T_curr_prev));
 }
 
+double shareAgreeing(const TrackingResult& tracked) {
+  const Correspondences& matches = tracked.correspondences;
+  const auto num_matches = static_cast<double>(matches.points.size() + matches.lines.size());
+  return tracked.frame_to_frame.numInliers() / std::max(1.0, num_matches);
+}
+
 std::vector<bool> restingThatMayHold(const StereoFrame& earlier, const StereoFrame& curr,
                                      const FrameContext& context, const TrackingResult& tracked) {
   const MotionEstimate& motion = tracked.frame_to_frame;

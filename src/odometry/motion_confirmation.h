@@ -36,6 +36,16 @@ constexpr double kShareOfScene = 0.1;
 double shareFound(const StereoFrame& earlier, const StereoCamera& camera,
                   const TrackingResult& tracked);
 
+/// Share of the matches from frame to frame that are inliers: near where a wrong motion projects
+/// the features there may be much that looks alike, but less of it agrees on the motion. 0 without
+/// one.
+double shareAgreeing(const TrackingResult& tracked);
+
+/// At least this share of the matches agrees with a right first motion: of 305 in built-in scenes,
+/// many of them hard, 12 have less, 5 of which are wrong by more than six of their standard
+/// deviations, as are 5 of the others; of 396 in the shared sequences 3 have less.
+constexpr double kShareAgreeing = 0.6;
+
 /// For each match of points whether it is of a far point that has not moved in the left image, if
 /// these may hold the motion from frame to frame against the scene: they are many of the inliers,
 /// more features that have a depth should be in view, and too few of these are found for a

@@ -6,6 +6,7 @@
 
 #include "geometry/se3.h"
 #include "map/new_landmarks.h"
+#include "motion/prior_factor.h"
 #include "odometry/motion_confirmation.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/stage_timer.h"
@@ -48,13 +49,14 @@ void makeAmbiguous(const Vector6d& variances, TrackingResult* tracked) {
   tracked->ambiguous = true;
 }
 
-/// Of a motion that may as well be another one: they cover both.
-Vector6d variancesBetween(const Eigen::Isometry3d& T_prev_curr, const Eigen::Isometry3d& other) {
-  const Vector6d difference = poseDifference(T_prev_curr, other);
+/// The same where the other one is known: the variances cover both.
+void makeAmbiguousWith(const Eigen::Isometry3d& T_curr_prev, TrackingResult* tracked) {
+  const Vector6d difference =
+      poseDifference(tracked->motion.T_curr_prev.inverse(), T_curr_prev.inverse());
   Vector6d variances;
   variances << Eigen::Vector3d::Constant(difference.head<3>().squaredNorm()),
       Eigen::Vector3d::Constant(difference.tail<3>().squaredNorm());
-  return variances;
+  makeAmbiguous(variances, tracked);
 }
 
 }  // namespace
@@ -190,7 +192,7 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
   const std::optional<RestingBody> body =
       resting.findBeforeScene(*history.previous, curr, *tracked, context, threads);
   if (!resting.confirm(body, *history.previous, curr, context)) {
-    coverOtherMotions(body, curr, context, tracked);
+    coverOtherMotions(body, context, tracked);
     return false;
   }
   resting.leaveOut(&*history.previous);
@@ -202,27 +204,43 @@ bool OdometryState::leaveOutResting(const StereoFrame& curr, const FrameContext&
 }
 
 void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
-                                      const StereoFrame& curr, const FrameContext& context,
-                                      TrackingResult* tracked) const {
-  constexpr int kAllAxes = 6;
+                                      const FrameContext& context, TrackingResult* tracked) const {
   if (!tracked->frame_to_frame.ok() || tracked->reason != TrackingReason::kNone) return;
   if (body) {
-    makeAmbiguous(
-        variancesBetween(tracked->motion.T_curr_prev.inverse(), body->T_curr_prev.inverse()),
-        tracked);
+    makeAmbiguousWith(body->T_curr_prev, tracked);
     return;
   }
-  if (tracked->prior.use == PriorUse::kUsed && tracked->prior.axes == kAllAxes) return;
-  const TrackingParameters& limits = context.parameters.tracking;
-  const bool predicted = isCurrent(pose.velocityFor(curr.stamp_ns, limits));
+  if (PriorFactor::usesAllAxes(tracked->prior)) return;
   if (resting.mayHideScene(*history.previous, *tracked, context) ||
-      (!predicted && isByChance(*history.previous, context.camera, *tracked))) {
-    const double dt_s = context.secondsSince(history.previous->stamp_ns);
-    const std::optional<CameraVelocity>& velocity = pose.velocity();
-    const double unmeasured_s = velocity ? context.secondsSince(velocity->stamp_ns) : dt_s;
-    makeAmbiguous(covarianceOfUnknownMotion(velocity, dt_s, unmeasured_s, limits).diagonal(),
-                  tracked);
+      (!predicts(context) && isByChance(*history.previous, context.camera, *tracked)))
+    coverUnknownMotion(context, tracked);
+}
+
+void OdometryState::coverUnsupportedMotion(const FrameContext& context,
+                                           TrackingResult* tracked) const {
+  if (!context.parameters.matching.wide_search || tracked->ambiguous) return;
+  if (!tracked->frame_to_frame.ok() || tracked->reason != TrackingReason::kNone) return;
+  if (PriorFactor::usesAllAxes(tracked->prior)) return;
+  if (!predicts(context) && shareAgreeing(*tracked) < kShareAgreeing) {
+    coverUnknownMotion(context, tracked);
+  } else if (tracked->T_curr_prev_other) {
+    makeAmbiguousWith(*tracked->T_curr_prev_other, tracked);
   }
+}
+
+/// Whether a current velocity predicts the frame's motion.
+bool OdometryState::predicts(const FrameContext& context) const {
+  return isCurrent(pose.velocityFor(context.images.stamp_ns, context.parameters.tracking));
+}
+
+/// Makes a motion ambiguous that may be any.
+void OdometryState::coverUnknownMotion(const FrameContext& context, TrackingResult* tracked) const {
+  const double dt_s = context.secondsSince(history.previous->stamp_ns);
+  const std::optional<CameraVelocity>& velocity = pose.velocity();
+  const double unmeasured_s = velocity ? context.secondsSince(velocity->stamp_ns) : dt_s;
+  const Matrix6d covariance =
+      covarianceOfUnknownMotion(velocity, dt_s, unmeasured_s, context.parameters.tracking);
+  makeAmbiguous(covariance.diagonal(), tracked);
 }
 
 RollingShutter OdometryState::predictedShutter(const FrameContext& context) const {

@@ -103,8 +103,13 @@ struct OdometryState {
   /// Makes a motion ambiguous that may as well be another one: that of a scene behind a body which
   /// is not certain yet, or an unknown one where the scene may be hidden, or the matches of a
   /// motion without a velocity agree by chance. The latter two not where a prior knows the motion.
-  void coverOtherMotions(const std::optional<RestingBody>& body, const StereoFrame& curr,
-                         const FrameContext& context, TrackingResult* tracked) const;
+  void coverOtherMotions(const std::optional<RestingBody>& body, const FrameContext& context,
+                         TrackingResult* tracked) const;
+
+  /// The same where neither a velocity nor a prior supports the motion, and many matches disagree
+  /// with it, or nearly as many agree with another. Not before a knocked camera is corrected, with
+  /// which matches disagree, too.
+  void coverUnsupportedMotion(const FrameContext& context, TrackingResult* tracked) const;
 
   /// The rolling shutter of a frame before its motion is known, and by its motion.
   RollingShutter predictedShutter(const FrameContext& context) const;
@@ -156,6 +161,8 @@ struct OdometryState {
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);
   void startMap(const Parameters& parameters);
+  bool predicts(const FrameContext& context) const;
+  void coverUnknownMotion(const FrameContext& context, TrackingResult* tracked) const;
 };
 
 }  // namespace point_line_odometry

@@ -174,9 +174,9 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
     }
     trackWithShutter(prior, &tracked, result);
   }
-  if (parts == kMaxParts)
-    state.coverOtherMotions(std::nullopt, tracked.frame, tracked.context, &tracked.tracking);
+  if (parts == kMaxParts) state.coverOtherMotions(std::nullopt, tracked.context, &tracked.tracking);
   recalibrate(prior, &tracked, result);
+  state.coverUnsupportedMotion(tracked.context, &tracked.tracking);
   return tracked;
 }
 

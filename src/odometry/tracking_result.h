@@ -44,7 +44,9 @@ struct TrackingResult {
   CircularMatches matches;                        ///< (previous, current)
   Correspondences correspondences;                ///< of these
   MotionEstimate frame_to_frame;                  ///< from these only
-  MotionEstimate motion;                          ///< the best one: against the map if there is one
+  /// Another motion that may as well be right, unless a velocity or a prior supports this one.
+  std::optional<Eigen::Isometry3d> T_curr_prev_other;
+  MotionEstimate motion;  ///< the best one: against the map if there is one
   /// Of `motion`'s kind, by the images alone; nothing if they give none.
   std::optional<ImageMotion> image_motion;
   PriorReport prior;
@@ -54,7 +56,7 @@ struct TrackingResult {
   /// The motion has weakly constrained axes, for which it was fused with the prediction.
   bool weak = false;
   /// Another motion is possible, which the covariance covers, too: the features found may rest on
-  /// the robot's own body, or they agree by chance.
+  /// the robot's own body, repeat themselves, or agree by chance.
   bool ambiguous = false;
   /// `motion` is from relocalization: landmarks matched by descriptors over the whole image.
   bool relocalized = false;

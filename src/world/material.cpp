@@ -234,6 +234,14 @@ void wallWithWindows(const Material& m, const PatchBatch& p, Values* out) {
   }
 }
 
+PatchBatch inFirstRepetition(PatchBatch patches, float length) {
+  for (std::size_t i = 0; i < patches.size; ++i) {
+    patches.u[i] -= length * static_cast<float>(floorToInt(patches.u[i] / length));
+    patches.v[i] -= length * static_cast<float>(floorToInt(patches.v[i] / length));
+  }
+  return patches;
+}
+
 }  // namespace
 
 Material makeMaterial(Pattern pattern, double albedo, double contrast, Random* random) {
@@ -254,7 +262,11 @@ Material makeMaterial(Pattern pattern, double albedo, double contrast, const Eig
 }
 
 void reflectance(const Material& material, const PatchBatch& patches, Values* out) {
-  if (material.windows.pitch_u > 0.0F) {
+  if (material.repetition > 0.0F) {
+    Material pattern = material;
+    pattern.repetition = 0.0F;
+    reflectance(pattern, inFirstRepetition(patches, material.repetition), out);
+  } else if (material.windows.pitch_u > 0.0F) {
     wallWithWindows(material, patches, out);
   } else {
     wall(material, patches, out);

@@ -10,7 +10,7 @@ namespace point_line_odometry::world {
 class Random;
 
 /// Procedural texture of a surface. All patterns are functions of the position on the surface [m]
-/// and of a seed, so that they need no memory and do not repeat.
+/// and of a seed, so that they need no memory and repeat only where they are to.
 enum class Pattern : std::uint8_t {
   kPlain,    ///< one tone, with a soft drift of contrast * albedo over metres
   kRough,    ///< stains, patches and grains of every size: asphalt, plaster, stone
@@ -40,7 +40,8 @@ struct Material {
   float size_u = 0.25F;   ///< of a brick, tile, panel or picture [m]
   float size_v = 0.08F;
   std::uint32_t seed = 0;
-  bool shines = false;  ///< a lamp or screen: its brightness does not depend on the light
+  bool shines = false;      ///< a lamp or screen: its brightness does not depend on the light
+  float repetition = 0.0F;  ///< the pattern repeats after this length, in u and v; 0: never [m]
   Windows windows;
 };
 

@@ -26,6 +26,7 @@ struct SyntheticWorldOptions {
   int moving_objects = 0;
   double open_country = 0.0;
   double hill = 0.0;
+  double repetition_m = 0.0;
   double bonnet = 0.0;
   double exposure_ev = 0.0;
   double exposure_jitter_ev = 0.0;
@@ -69,6 +70,9 @@ void visitWorldOptions(AnyOptions& o, Visitor&& visit) {
       "hill", o.hill, 0.0, 1.5, "",
       "1: the road leads over a hill of 7 m under clouds before it comes to the town, with little "
       "but asphalt, lane dashes and sky in view; other values: times as high (street)");
+  visit("repetition_m", o.repetition_m, 0.0, 100.0, "m",
+        "the pattern of everything level, as paving and carpets, repeats after this length; 0: "
+        "never");
   visit("bonnet", o.bonnet, 0.0, 1.5, "",
         "1: a worn, glossy bonnet of the robot lies in the lower part of both images, to 2.9 m "
         "ahead of the camera, and there are masks of it; other values: times as long");
