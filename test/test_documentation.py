@@ -137,6 +137,17 @@ class NameTest(unittest.TestCase):
                         check(*match.groups())
         self.assertGreater(count, 2, pattern)
 
+    def test_reasons(self):
+        """Each reason of a state is explained, and no other."""
+        source = read_document("src/odometry/frame_result.cpp")
+        names = re.findall(r'case TrackingReason::\w+:\s+return "(\w+)"', source)
+        self.assertGreater(len(names), 10)
+        states = read_document("doc/interface.md").split("\n## States\n")[1]
+        rows = [line.split("|")[1] for line in states.split("\n## ")[0].splitlines()
+                if line.startswith("| `")]
+        self.assertEqual(sorted(re.findall(r"`(\w+)`", " ".join(rows))),
+                         sorted(set(names) - {"none"}))
+
     def test_files(self):
         def exists(path):
             self.assertTrue(glob.glob(os.path.join(REPOSITORY, path)), path)
