@@ -376,14 +376,14 @@ class DroppedFrames(ErrorTest):
 
     def check_half(self, name, ate_m):
         """The root mean square of the ATE of some draws: single ones are good or bad by chance."""
-        ate, longest = [], 0
+        ate = []
         for seed in range(1, self.DRAWS + 1):
             kept = self.half_of(count_frames(data_folder(name)), seed)
-            longest = max(longest, *(b - a for a, b in zip(kept, kept[1:])))
+            longest = max(b - a for a, b in zip(kept, kept[1:]))
+            self.assertGreaterEqual(longest, 4, "each draw must be hard")
             summary, errors = self.scores(self.with_frames(name, kept))
             self.assertEqual(summary["states"], {"initializing": 1, "ok": len(kept) - 1})
             ate.append(errors["ate_m"])
-        self.assertGreaterEqual(longest, 5, "the test must be hard")
         rms = root_mean_square(ate)
         print(f"\n{name}, half of the frames dropped: ATE {rms:.4f} m, of",
               " ".join(f"{value:.4f}" for value in ate), flush=True)
@@ -401,8 +401,8 @@ class DroppedFrames(ErrorTest):
 
 class FastStarts(ErrorTest):
     """The first motion of a fast car, from many starts. The stones of the town's road repeat every 8 m: where the
-    first motion that was found was taken, it went 0.3 m back in place of 7.7 m on, in each start at every 7th frame,
-    mostly with state ok."""
+    first motion that was found was taken, 18 of the 30 at every 7th frame went 0.3 m back in place of 7.7 m on, 15 of
+    them with state ok."""
 
     def check_starts(self, name, every, starts, error_m):
         """All motions are right, by their root mean square; few are doubted."""
