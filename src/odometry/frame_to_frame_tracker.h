@@ -37,7 +37,8 @@ class FrameToFrameTracker {
   /// supports the motion, points with a depth in the whole image. If that gives no motion: as far
   /// around the prediction as without a velocity, then around a rotation by points too far for a
   /// depth. The result has matches, correspondences and `frame_to_frame`, with the use of the
-  /// prior. \param threads null: none.
+  /// prior.
+  /// \param threads null: none.
   TrackingResult track(const StereoFrame& earlier, const StereoFrame& curr,
                        const ExpectedMotion& expected, const TrackingStages& stages,
                        ThreadPool* threads) const;
@@ -74,8 +75,8 @@ class FrameToFrameTracker {
                               const ExpectedMotion& expected, const TrackingInput& input) const;
   TrackingResult withoutRestingPoints(TrackingResult tracked, const ExpectedMotion& expected,
                                       const TrackingInput& input) const;
-  bool isBetter(const Hypothesis& retried, const Hypothesis& tracked,
-                const ExpectedMotion& expected, const TrackingInput& input) const;
+  bool isBetter(const Hypothesis& other, const Hypothesis& best, const ExpectedMotion& expected,
+                const TrackingInput& input) const;
   bool isConfirmedByMap(const MotionEstimate& motion, const TrackingInput& input) const;
 
   const FrameHistory& history_;

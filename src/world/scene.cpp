@@ -21,4 +21,14 @@ std::vector<Instance> poseMovers(const Scene& scene, double time_s, double camer
   return placed;
 }
 
+void repeatPatterns(double length_m, Scene* scene) {
+  constexpr double kLevel = 0.95;
+  for (Object& object : scene->objects) {
+    for (Surface& surface : object.surfaces) {
+      if (std::abs(surface.axis_u.cross(surface.axis_v).z()) > kLevel)
+        surface.material.repetition = static_cast<float>(length_m);
+    }
+  }
+}
+
 }  // namespace point_line_odometry::world

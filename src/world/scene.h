@@ -69,4 +69,8 @@ struct Scene {
 /// Instances of the moving objects at a time. \param camera_m arc length of the camera.
 std::vector<Instance> poseMovers(const Scene& scene, double time_s, double camera_m);
 
+/// Makes the patterns of everything level repeat after a length, also those of a road over a hill;
+/// 0: never.
+void repeatPatterns(double length_m, Scene* scene);
+
 }  // namespace point_line_odometry::world

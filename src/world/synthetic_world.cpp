@@ -89,17 +89,6 @@ world::Scene makeScene(const SyntheticWorldOptions& options) {
   return world::makeCorridor(seed);
 }
 
-/// Of everything level, also of a road over a hill.
-void repeatPatterns(double length_m, world::Scene* scene) {
-  constexpr double kLevel = 0.95;
-  for (world::Object& object : scene->objects) {
-    for (world::Surface& surface : object.surfaces) {
-      if (std::abs(surface.axis_u.cross(surface.axis_v).z()) > kLevel)
-        surface.material.repetition = static_cast<float>(length_m);
-    }
-  }
-}
-
 /// Linear in position and angle between the two poses around a time; constant outside.
 Eigen::Isometry3d interpolate(const std::vector<StampedPose>& path, double time_s) {
   const auto stamp = static_cast<double>(path.front().stamp_ns) + time_s * 1e9;
@@ -147,7 +136,7 @@ struct SyntheticWorld::Impl {
         T_left_right(poseOfRightInLeft(calibration)),
         scene(makeScene(o)),
         exposure(scene.exposure) {
-    repeatPatterns(o.repetition_m, &scene);
+    world::repeatPatterns(o.repetition_m, &scene);
     if (o.motion_blur_ms >= 0.0) exposure.shutter_ms = o.motion_blur_ms;
     if (o.noise >= 0.0) exposure.noise = o.noise;
     for (const CameraCalibration* camera : {&calibration.left, &calibration.right}) {
