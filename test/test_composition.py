@@ -259,18 +259,18 @@ class TwoComputersTest(unittest.TestCase):
         self.check_what_rviz_gets(bag)
 
     def check_gap(self, states):
-        """More than max_frame_gap_s without frames: the camera is relocalized in the map or, where it sees
-        too little of that, tracking is restarted once; then tracking goes on as before."""
+        """More than max_frame_gap_s without frames: the motion over the gap is known, or too little of
+        it is seen and tracking is restarted once; then tracking goes on as before."""
         reasons = [reason for _, _, reason in states]
         gaps_s = [after[0] - before[0] for before, after in zip(states, states[1:])]
         at = 1 + gaps_s.index(max(gaps_s))
         gap_s = states[at][0] - states[at - 1][0]
         self.assertEqual(set(reasons[:at]), {"first_frame", ""}, states)
-        self.assertIn(reasons[at], ("", "frame_gap"), states)
+        self.assertIn(reasons[at], ("", "ambiguous_motion", "frame_gap"), states)
         self.assertNotIn("frame_gap", reasons[at + 1:], states)
         self.assertEqual(set(reasons[-10:]), {""}, states)
         print(f"link cut for {self.CUT_S} s: {gap_s:.1f} s between frames, {at} frames before, "
-              f"{len(states) - at - 1} after, {'restarted' if reasons[at] else 'relocalized'}")
+              f"{len(states) - at - 1} after, {reasons[at] or 'known'}")
         self.assertGreater(gap_s, 1.0)
         self.assertGreater(len(states) - at, 20)
 
@@ -294,13 +294,13 @@ class TwoComputersTest(unittest.TestCase):
         jump_m = np.linalg.norm(position(odometry[at]) - position(odometry[at - 1]))
         variances = [np.diag(np.reshape(odometry[i].pose.covariance, (6, 6))).sum()
                      for i in (at - 1, at)]
-        print(f"over the gap: {reason or 'relocalized'}, published pose moved by {jump_m:.3f} m, "
+        print(f"over the gap: {reason or 'known'}, published pose moved by {jump_m:.3f} m, "
               f"variances {variances}")
         if reason == "frame_gap":
             self.assertLess(jump_m, 1e-6, "the pose is kept over the gap")
             self.assertGreater(variances[1], variances[0], "what happened in the gap is not known")
         else:
-            self.assertEqual(reason, "", "relocalized")
+            self.assertIn(reason, ("", "ambiguous_motion"))
             self.assertLess(jump_m, self.MAX_SPEED_M_PER_S * max(gaps_s), "as far as it can move")
         after = [message for message in odometry[at:] if message.header.stamp in ground_truth]
         true_m = np.linalg.norm(ground_truth[after[-1].header.stamp]

@@ -280,9 +280,10 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("local_map/search_radius_px", p.local_map.search_radius_px, 1.0, 200.0, "px",
         "search radius around the projection of a landmark that was missed in the last frame");
 
-  visit("tracking/max_frame_gap_s", p.tracking.max_frame_gap_s, 0.01, 60.0, "s",
-        "after a longer gap the pose is kept, unless wheels tell the motion or the camera is "
-        "relocalized in the map");
+  visit(
+      "tracking/max_frame_gap_s", p.tracking.max_frame_gap_s, 0.01, 60.0, "s",
+      "after a longer time without a motion, one by the images alone is doubted (DEGRADED) unless "
+      "landmarks confirm it; after a longer gap in the frames the pose is kept if there is none");
   visit("tracking/max_prediction_s", p.tracking.max_prediction_s, 0.0, 60.0, "s",
         "how long the motion is predicted from the velocity before the state is LOST");
   visit(

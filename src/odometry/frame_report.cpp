@@ -23,7 +23,7 @@ FrameCounts countFeatures(const StereoFrame& frame) {
 
 /// By a map, or by the last frame before tracking was lost.
 bool wasRelocalized(const OdometryState& state, const TrackingResult& tracked) {
-  const bool measured = tracked.reason == TrackingReason::kNone;
+  const bool measured = tracked.reason == TrackingReason::kNone && !tracked.ambiguous;
   return tracked.relocalized || (measured && state.tracking == TrackingState::kLost &&
                                  state.history.previous->stamp_ns < *state.stamp_ns);
 }

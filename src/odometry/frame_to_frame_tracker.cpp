@@ -262,7 +262,7 @@ bool FrameToFrameTracker::isConfirmedByMap(const MotionEstimate& motion,
   const MotionEstimate against_map =
       estimateMotion(map.correspondences(matches, context_), context_.camera, motion.T_curr_prev,
                      parameters_.motion, input.threads);
-  return isConfirmed(map, matches, against_map);
+  return isConfirmed(map, matches, against_map, kShareMostlyHidden);
 }
 
 }  // namespace point_line_odometry

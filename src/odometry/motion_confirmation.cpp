@@ -9,14 +9,8 @@
 namespace point_line_odometry {
 namespace {
 
-// At a right motion the share of landmarks found is at least this fraction of that in the frames
-// before (in all sequences that are never lost), and of the share of features found. It is not
-// looked at where fewer landmarks are expected.
-constexpr double kShareConfirmed = 0.5;
+// The share of landmarks found is not looked at where fewer are expected.
 constexpr double kMinExpected = 10.0;
-
-// The same, of the landmarks of a scene most of which something hides in this frame.
-constexpr double kShareMostlyHidden = 1.0 / 3.0;
 
 // Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
 // found from frame to frame.
@@ -143,9 +137,9 @@ bool isByChance(const StereoFrame& earlier, const StereoCamera& camera,
 }
 
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
-                 const MotionEstimate& motion) {
+                 const MotionEstimate& motion, double least) {
   return map.shareFound() * countInView(landmark_matches) >= kMinExpected &&
-         shareFound(landmark_matches, motion) >= kShareMostlyHidden * map.shareFound();
+         shareFound(landmark_matches, motion) >= least * map.shareFound();
 }
 
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,

@@ -118,10 +118,13 @@ void OdometryPose::correctTilt(const TiltCorrection& correction) {
 std::optional<CameraVelocity> OdometryPose::velocityFor(
     std::int64_t stamp_ns, const TrackingParameters& parameters) const {
   std::optional<CameraVelocity> velocity = integrator_.velocity();
-  if (!velocity || integrator_.predictedTime() == 0.0) return velocity;
+  if (!velocity) return velocity;
+  const double unmeasured_s = toSeconds(stamp_ns - velocity->stamp_ns);
   const double longest_s =
-      std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
-  if (toSeconds(stamp_ns - velocity->stamp_ns) > longest_s) velocity->is_current = false;
+      integrator_.predictedTime() == 0.0
+          ? parameters.max_frame_gap_s
+          : std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
+  if (unmeasured_s > longest_s) velocity->is_current = false;
   return velocity;
 }
 

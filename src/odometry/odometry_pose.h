@@ -87,8 +87,8 @@ class OdometryPose {
   /// Whether the camera has not moved for a while.
   bool isStationary() const { return smoother_.isStationary(); }
 
-  /// The same as the next frame may use it to predict pixels: not current either if motions have
-  /// been predicted for longer than the velocity alone may predict them.
+  /// The same as the next frame may use it to predict pixels: not current either after a gap, or if
+  /// motions have been predicted for longer than the velocity alone may predict them.
   /// \param stamp_ns of the next frame.
   std::optional<CameraVelocity> velocityFor(std::int64_t stamp_ns,
                                             const TrackingParameters& parameters) const;

@@ -123,9 +123,11 @@ void OdometryState::updateShutter(const TrackingResult& tracked, bool is_known,
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,
                                    const TrackingResult& tracked, ThreadPool* threads) {
   history.before_previous.reset();
-  if (tracked.reason != TrackingReason::kNone) {
+  const bool unknown = tracked.reason != TrackingReason::kNone;
+  const bool other_place = tracked.ambiguous && spansGap(context);
+  if (unknown || other_place) {
     keepLostMap(context.parameters);
-    startMap(context.parameters);  // the motion since the old one is unknown
+    startMap(context.parameters);
     if (tracking != TrackingState::kDegraded) pose.loseVelocity();
   } else {
     if (fusesRotation(context.parameters)) {
@@ -218,14 +220,32 @@ void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
 
 void OdometryState::coverUnsupportedMotion(const FrameContext& context,
                                            TrackingResult* tracked) const {
-  if (!context.parameters.matching.wide_search || tracked->ambiguous) return;
-  if (!tracked->frame_to_frame.ok() || tracked->reason != TrackingReason::kNone) return;
+  if (tracked->reason != TrackingReason::kNone || tracked->relocalized || tracked->ambiguous)
+    return;
   if (PriorFactor::usesAllAxes(tracked->prior)) return;
+  if (spansGap(context) && !isSamePlace(context, *tracked)) {
+    coverUnknownMotion(context, tracked);
+    return;
+  }
+  if (!context.parameters.matching.wide_search) return;
   if (!predicts(context) && shareAgreeing(*tracked) < kShareAgreeing) {
     coverUnknownMotion(context, tracked);
   } else if (tracked->T_curr_prev_other) {
     makeAmbiguousWith(*tracked->T_curr_prev_other, tracked);
   }
+}
+
+/// Whether there has been no motion for so long that the camera may be at another place.
+bool OdometryState::spansGap(const FrameContext& context) const {
+  return context.secondsSince(history.previous->stamp_ns) >
+         context.parameters.tracking.max_frame_gap_s;
+}
+
+/// Whether the landmarks, or without a map the features, are those of the place before a gap.
+bool OdometryState::isSamePlace(const FrameContext& context, const TrackingResult& tracked) const {
+  if (!history.map)
+    return shareFound(*history.previous, context.camera, tracked) >= kShareConfirmed;
+  return isConfirmed(*history.map, tracked.landmark_matches, tracked.motion, kShareConfirmed);
 }
 
 /// Whether a current velocity predicts the frame's motion.

@@ -107,8 +107,9 @@ struct OdometryState {
                          TrackingResult* tracked) const;
 
   /// The same where neither a velocity nor a prior supports the motion, and many matches disagree
-  /// with it, or nearly as many agree with another. Not before a knocked camera is corrected, with
-  /// which matches disagree, too.
+  /// with it, or nearly as many agree with another, or after a gap, as the camera may be at another
+  /// place that looks alike, few landmarks are found. Not before a knocked camera is corrected,
+  /// with which matches disagree, too.
   void coverUnsupportedMotion(const FrameContext& context, TrackingResult* tracked) const;
 
   /// The rolling shutter of a frame before its motion is known, and by its motion.
@@ -157,6 +158,8 @@ struct OdometryState {
   void locatePrevious(const FrameContext& context);
   void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
                      StereoFrame* curr);
+  bool spansGap(const FrameContext& context) const;
+  bool isSamePlace(const FrameContext& context, const TrackingResult& tracked) const;
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);

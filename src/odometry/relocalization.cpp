@@ -17,6 +17,7 @@ TrackingResult without(TrackingReason reason) {
   return nothing;
 }
 
+/// After a gap the map is tried first: where it is recognized, the place is certain.
 TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& curr,
                                const FramePrior& prior, const FrameContext& context,
                                ThreadPool* threads, StageTimes* times) {
@@ -27,12 +28,16 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
   const double dt_s = state.sinceLast(context);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
-  const TrackingReason refused = gap ? TrackingReason::kFrameGap : TrackingReason::kTooFewInliers;
-  if (!tracked.relocalized) return gap ? without(refused) : tracked;
-  const Eigen::Isometry3d T_odom_camera =
-      state.pose.anchor().T_odom_previous * tracked.motion.T_curr_prev.inverse();
-  const bool possible = state.pose.isReachable(T_odom_camera, dt_s, parameters);
-  return possible ? tracked : without(refused);
+  if (tracked.relocalized) {
+    const Eigen::Isometry3d T_odom_camera =
+        state.pose.anchor().T_odom_previous * tracked.motion.T_curr_prev.inverse();
+    if (state.pose.isReachable(T_odom_camera, dt_s, parameters)) return tracked;
+    tracked = without(TrackingReason::kTooFewInliers);
+  }
+  if (!gap) return tracked;
+  tracked = tracker.track(curr);
+  const bool found = tracked.reason == TrackingReason::kNone && !tracked.relocalized;
+  return found ? tracked : without(TrackingReason::kFrameGap);
 }
 
 /// Nothing unless the camera is relocalized in the lost map.
