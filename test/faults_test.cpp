@@ -295,12 +295,47 @@ TEST(Faults, AGapIsBridged) {
     for (int k = 4; k < 15 && dark; ++k) odometry.process(uniform(0, k));
     const FrameResult found = odometry.process(drive(15));
     EXPECT_EQ(found.state, TrackingState::kOk) << toString(found.reason);
+    EXPECT_EQ(found.counts.relocalizations, dark ? 1 : 0);
     EXPECT_LT(distance(found.T_odom_estimate, synthetic::truePose(15)), 0.02);
     EXPECT_LT(angle(found.T_odom_estimate, synthetic::truePose(15)), 0.005);
     const FrameResult next = odometry.process(drive(16));
     EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
     EXPECT_LT(jump(found, next).translation_m, 0.06);
     EXPECT_LT(distance(next.T_odom_estimate, synthetic::truePose(16)), 0.02);
+  }
+}
+
+/// Of a stream that comes back the first images may show nothing.
+TEST(Faults, ABlackImageAfterAGapIsNotTracked) {
+  StereoOdometry odometry(kCamera, synthetic::roomParameters());
+  for (int k = 0; k < 4; ++k) odometry.process(drive(k));
+  EXPECT_EQ(odometry.process(uniform(0, 14)).reason, TrackingReason::kFrameGap);
+  const FrameResult found = odometry.process(drive(15));
+  EXPECT_EQ(found.state, TrackingState::kOk) << toString(found.reason);
+  EXPECT_LT(distance(found.T_odom_estimate, synthetic::truePose(15)), 0.02);
+}
+
+/// Without landmarks it may be another place that looks alike: not where half of the features are
+/// found, as by a camera that has not moved.
+TEST(Faults, AMotionOverAGapIsDoubtedWithoutLandmarks) {
+  Parameters parameters = synthetic::roomParameters();
+  parameters.window.size = 0;
+  for (const int shown : {3, 15}) {
+    StereoOdometry odometry(kCamera, parameters);
+    for (int k = 0; k < 4; ++k) odometry.process(drive(k));
+    const FrameResult result = odometry.process(stamped(drive(shown), stampOf(15)));
+    EXPECT_LT(distance(result.T_odom_estimate, synthetic::truePose(shown)), 0.02);
+    if (shown == 3) {
+      EXPECT_EQ(result.state, TrackingState::kOk) << toString(result.reason);
+      EXPECT_LT(result.estimate_covariance.trace(), 0.01);
+    } else {
+      EXPECT_EQ(result.state, TrackingState::kDegraded);
+      EXPECT_EQ(result.reason, TrackingReason::kAmbiguousMotion);
+      EXPECT_GT(result.estimate_covariance.trace(), 1.0);
+    }
+    const FrameResult next = odometry.process(stamped(drive(shown + 1), stampOf(16)));
+    EXPECT_EQ(next.state, TrackingState::kOk) << toString(next.reason);
+    EXPECT_LT(jump(result, next).translation_m, 0.13);
   }
 }
 

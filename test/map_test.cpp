@@ -579,9 +579,9 @@ TEST(MapOdometry, APitchOfTheRightCameraIsEstimated) {
   EXPECT_LT((result.T_odom_camera.translation() - ground_truth.translation()).norm(), 0.03);
 }
 
-/// After a gap the camera is relocalized in the map if it observes it; otherwise a new map is
-/// started.
-TEST(MapOdometry, AGapStartsANewMapUnlessTheCameraIsRelocalized) {
+/// After a gap the camera is relocalized in the map if it observes it; where it sees another place,
+/// a new map is started.
+TEST(MapOdometry, AGapStartsANewMapUnlessThePlaceIsTheSame) {
   for (const bool sees_it : {true, false}) {
     StereoOdometry odometry(synthetic::roomCamera(), synthetic::roomParameters());
     for (int k = 0; k < 4; ++k) odometry.process(frame(k));

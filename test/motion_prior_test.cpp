@@ -243,6 +243,35 @@ TEST(MotionPriors, OnlyTheTranslationCarriesThePoseAcrossAGap) {
   EXPECT_NEAR(rolled_m, 3.0, 0.05);
 }
 
+/// Over a gap to what may be another place that looks alike, here as there are no landmarks, wheels
+/// are believed against the images; where they agree with these, so is their covariance.
+TEST(MotionPriors, TellOverAGapWhetherThePlaceIsTheSame) {
+  constexpr int kLast = 3;
+  constexpr int kNext = 15;
+  Parameters parameters;
+  parameters.window.size = 0;
+  const Eigen::Isometry3d truth = synthetic::truePose(kLast).inverse() * synthetic::truePose(kNext);
+  for (const double slip_m : {0.0, 1.0}) {
+    StereoOdometry odometry(synthetic::roomCamera(), parameters);
+    FrameResult before;
+    for (int k = 0; k <= kLast; ++k) before = odometry.process(images(k, {}));
+    MotionPrior wheels;
+    wheels.from_ns = stampOf(kLast);
+    wheels.to_ns = stampOf(kNext);
+    wheels.T_prev_curr = truth;
+    wheels.T_prev_curr.translation().z() += slip_m;
+    // Roll and pitch are not theirs.
+    wheels.information.diagonal() << 1e4, 1e4, 1e4, 0.0, 1e4, 0.0;
+    const FrameResult result = odometry.process(images(kNext, {}), &wheels);
+    EXPECT_EQ(result.state, TrackingState::kDegraded);
+    const Eigen::Isometry3d moved = before.T_odom_estimate.inverse() * result.T_odom_estimate;
+    EXPECT_NEAR((moved.translation() - wheels.T_prev_curr.translation()).norm(), 0.0, 0.05);
+    EXPECT_EQ(result.prior.use, slip_m > 0.0 ? PriorUse::kCarried : PriorUse::kUsed);
+    const double variance_m2 = result.estimate_covariance.diagonal().head<3>().sum();
+    EXPECT_LT(variance_m2, 0.1);
+  }
+}
+
 /// A camera that stands and is then carried through the dark by wheels: the pose is not kept.
 TEST(MotionPriors, EndAStandstillInTheDark) {
   constexpr double kStep_m = 0.1;

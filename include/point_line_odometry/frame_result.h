@@ -28,7 +28,8 @@ enum class TrackingReason {
   kStampNotNewer,   ///< frame dropped, nothing changed
   kWrongImages,     ///< they or their masks are of another type or size than the camera's; frame
                     ///< dropped, nothing changed
-  kFrameGap,        ///< too long since the last frame: tracking starts again
+  kFrameGap,        ///< too long since the last frame, which shows another place: tracking starts
+                    ///< again
   kRepeatedImages,  ///< an image of the previous frame again, byte for byte: its driver repeats it
   kTooFewFeatures,
   kTooFewMatches,
@@ -36,8 +37,8 @@ enum class TrackingReason {
   kTooFewInliers,
   kTooFast,
   kWeakMotion,       ///< fused with the prediction, which constrains some axes better
-  kAmbiguousMotion,  ///< the features found may be the robot's own body, or agree by chance or as
-                     ///< structure that repeats itself
+  kAmbiguousMotion,  ///< the features found may be the robot's own body, those of another place, or
+                     ///< agree by chance or as structure that repeats itself
   kException         ///< something was thrown while the frame was processed; see FrameResult::error
 };
 

@@ -113,7 +113,8 @@ TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {
     T_curr_previous =
         tracked.motion.ok() ? std::make_optional(tracked.motion.T_curr_prev) : std::nullopt;
   }
-  if (T_curr_previous && isPlaceRecognized(map, tracked.landmark_matches, tracked.motion)) {
+  if (T_curr_previous &&
+      isPlaceRecognized(map, tracked.landmark_matches, tracked.motion, kShareRecognized)) {
     const double dt_s = context_.secondsSince(history_.previous->stamp_ns);
     tracked.reason = reasonOf(tracked.motion, dt_s);
   }

@@ -12,10 +12,8 @@ namespace {
 // The share of landmarks found is not looked at where fewer are expected.
 constexpr double kMinExpected = 10.0;
 
-// Relocalization needs this number of inliers, and this fraction of the share of landmarks that is
-// found from frame to frame.
+// A place is not recognized by fewer inliers.
 constexpr int kMinRecognized = 20;
-constexpr double kShareRecognized = 0.7;
 
 // Resting far points that may hold a motion: this number and this share of its inliers, where fewer
 // of the other features are found than by a stationary camera. Without them the scene's motion has
@@ -143,9 +141,8 @@ bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
 }
 
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,
-                       const MotionEstimate& motion) {
-  return motion.numInliers() >= kMinRecognized &&
-         shareFound(landmark_matches, motion) >= kShareRecognized * map.shareFound();
+                       const MotionEstimate& motion, double least) {
+  return motion.numInliers() >= kMinRecognized && isConfirmed(map, landmark_matches, motion, least);
 }
 
 }  // namespace point_line_odometry

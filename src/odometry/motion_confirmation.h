@@ -79,16 +79,19 @@ bool isByChance(const StereoFrame& earlier, const StereoCamera& camera,
 /// the features.
 constexpr double kShareConfirmed = 0.5;
 
-/// The former, of the landmarks of a scene most of which something hides in this frame.
+/// What relocalization needs, which has no motion from frame to frame.
+constexpr double kShareRecognized = 0.7;
+
+/// At a right motion, of the landmarks of a scene most of which something hides in this frame.
 constexpr double kShareMostlyHidden = 1.0 / 3.0;
 
 /// True if landmarks should be found at a motion, and at least a fraction of the usual share is.
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,
                  const MotionEstimate& motion, double least);
 
-/// True if the share of landmarks in view that is found is nearly that of consecutive frames: of
-/// another place with similar appearance only a part is found.
+/// The same, by as many landmarks as tell one place from another that looks alike, of which only a
+/// part is found.
 bool isPlaceRecognized(const LocalMap& map, const LandmarkMatches& landmark_matches,
-                       const MotionEstimate& motion);
+                       const MotionEstimate& motion, double least);
 
 }  // namespace point_line_odometry

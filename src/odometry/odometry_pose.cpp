@@ -120,11 +120,11 @@ std::optional<CameraVelocity> OdometryPose::velocityFor(
   std::optional<CameraVelocity> velocity = integrator_.velocity();
   if (!velocity) return velocity;
   const double unmeasured_s = toSeconds(stamp_ns - velocity->stamp_ns);
+  const double predicted_s = integrator_.predictedTime();
+  const bool gap = unmeasured_s - predicted_s > parameters.max_frame_gap_s;
   const double longest_s =
-      integrator_.predictedTime() == 0.0
-          ? parameters.max_frame_gap_s
-          : std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
-  if (unmeasured_s > longest_s) velocity->is_current = false;
+      std::max(parameters.max_prediction_s, kPredictedFrames * velocity->measured_over_s);
+  if (gap || (predicted_s > 0.0 && unmeasured_s > longest_s)) velocity->is_current = false;
   return velocity;
 }
 

@@ -25,12 +25,10 @@ bool fusesRotation(const Parameters& parameters) {
 /// frame may again be matched with the previous one.
 bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
                    const TrackingResult& tracked, const FrameContext& context) {
-  if (!history.previous || tracked.reason == TrackingReason::kNone ||
-      tracked.reason == TrackingReason::kFrameGap) {
-    return true;
-  }
+  if (!history.previous || tracked.reason == TrackingReason::kNone) return true;
   const Parameters& parameters = context.parameters;
   const bool outlived =
+      tracked.reason == TrackingReason::kFrameGap ||
       context.secondsSince(history.previous->stamp_ns) > parameters.tracking.max_prediction_s;
   const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
   return outlived && features >= parameters.motion.min_matches;
@@ -81,7 +79,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (lost && isExpired(*lost, curr.stamp_ns, parameters.tracking)) lost.reset();
   if (lost && tracked.tried_lost_map) lost->tried_ns = curr.stamp_ns;
   const double dt_s = sinceLast(context);
-  updateShutter(tracked, measured && !tracked.weak, context, &curr);
+  const bool follows = measured && !spansGap(context);
+  updateShutter(tracked, follows && !tracked.weak, context, &curr);
   tracking = pose.update(tracked, history, context, dt_s, prior.ofStep());
   const bool agreed = PriorFactor::agrees(tracked.prior);
   priors.update(prior, tracked.prior.axes > 0 && !tracked.ambiguous, agreed);
@@ -215,24 +214,34 @@ void OdometryState::coverOtherMotions(const std::optional<RestingBody>& body,
   if (PriorFactor::usesAllAxes(tracked->prior)) return;
   if (resting.mayHideScene(*history.previous, *tracked, context) ||
       (!predicts(context) && isByChance(*history.previous, context.camera, *tracked)))
-    coverUnknownMotion(context, tracked);
+    coverUnknownMotion(nullptr, context, tracked);
 }
 
-void OdometryState::coverUnsupportedMotion(const FrameContext& context,
+void OdometryState::coverUnsupportedMotion(const FramePrior& prior, const FrameContext& context,
                                            TrackingResult* tracked) const {
   if (tracked->reason != TrackingReason::kNone || tracked->relocalized || tracked->ambiguous)
     return;
   if (PriorFactor::usesAllAxes(tracked->prior)) return;
-  if (spansGap(context) && !isSamePlace(context, *tracked)) {
-    coverUnknownMotion(context, tracked);
+  if (mayBeOtherPlace(context, *tracked)) {
+    const bool agrees = tracked->prior.use == PriorUse::kUsed;
+    coverUnknownMotion(agrees ? prior.ofMotion() : nullptr, context, tracked);
     return;
   }
   if (!context.parameters.matching.wide_search) return;
   if (!predicts(context) && shareAgreeing(*tracked) < kShareAgreeing) {
-    coverUnknownMotion(context, tracked);
+    coverUnknownMotion(nullptr, context, tracked);
   } else if (tracked->T_curr_prev_other) {
     makeAmbiguousWith(*tracked->T_curr_prev_other, tracked);
   }
+}
+
+bool OdometryState::mayBeOtherPlace(const FrameContext& context,
+                                    const TrackingResult& tracked) const {
+  if (!spansGap(context)) return false;
+  if (!history.map || history.map->shareFound() == 0.0)
+    return shareFound(*history.previous, context.camera, tracked) < kShareConfirmed;
+  return !isPlaceRecognized(*history.map, tracked.landmark_matches, tracked.motion,
+                            kShareConfirmed);
 }
 
 /// Whether there has been no motion for so long that the camera may be at another place.
@@ -241,26 +250,21 @@ bool OdometryState::spansGap(const FrameContext& context) const {
          context.parameters.tracking.max_frame_gap_s;
 }
 
-/// Whether the landmarks, or without a map the features, are those of the place before a gap.
-bool OdometryState::isSamePlace(const FrameContext& context, const TrackingResult& tracked) const {
-  if (!history.map)
-    return shareFound(*history.previous, context.camera, tracked) >= kShareConfirmed;
-  return isConfirmed(*history.map, tracked.landmark_matches, tracked.motion, kShareConfirmed);
-}
-
 /// Whether a current velocity predicts the frame's motion.
 bool OdometryState::predicts(const FrameContext& context) const {
   return isCurrent(pose.velocityFor(context.images.stamp_ns, context.parameters.tracking));
 }
 
-/// Makes a motion ambiguous that may be any.
-void OdometryState::coverUnknownMotion(const FrameContext& context, TrackingResult* tracked) const {
+/// Makes a motion ambiguous that may be any with which a prior (null: none) agrees.
+void OdometryState::coverUnknownMotion(const MotionPrior* prior, const FrameContext& context,
+                                       TrackingResult* tracked) const {
   const double dt_s = context.secondsSince(history.previous->stamp_ns);
   const std::optional<CameraVelocity>& velocity = pose.velocity();
   const double unmeasured_s = velocity ? context.secondsSince(velocity->stamp_ns) : dt_s;
   const Matrix6d covariance =
       covarianceOfUnknownMotion(velocity, dt_s, unmeasured_s, context.parameters.tracking);
-  makeAmbiguous(covariance.diagonal(), tracked);
+  makeAmbiguous((prior ? fusedCovariance(covariance, prior->information) : covariance).diagonal(),
+                tracked);
 }
 
 RollingShutter OdometryState::predictedShutter(const FrameContext& context) const {

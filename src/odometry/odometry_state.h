@@ -83,7 +83,7 @@ struct OdometryState {
   double sinceLast(const FrameContext& context) const;
 
   /// Whether a pair has an image of the previous frame again, see RepeatedImages. After a gap a
-  /// camera of which no noise is known is looked for in the map.
+  /// camera of which no noise is known may have stood still.
   bool repeatsImages(const FrameContext& context, const FramePrior& prior) const;
 
   /// A frame with this stamp is accepted.
@@ -107,10 +107,15 @@ struct OdometryState {
                          TrackingResult* tracked) const;
 
   /// The same where neither a velocity nor a prior supports the motion, and many matches disagree
-  /// with it, or nearly as many agree with another, or after a gap, as the camera may be at another
-  /// place that looks alike, few landmarks are found. Not before a knocked camera is corrected,
-  /// with which matches disagree, too.
-  void coverUnsupportedMotion(const FrameContext& context, TrackingResult* tracked) const;
+  /// with it, or nearly as many agree with another, or it may be to another place. Not before a
+  /// knocked camera is corrected, with which matches disagree, too.
+  void coverUnsupportedMotion(const FramePrior& prior, const FrameContext& context,
+                              TrackingResult* tracked) const;
+
+  /// Whether a motion may be to another place that looks alike: there was none for longer than
+  /// tracking/max_frame_gap_s, and half of the usual share of landmarks is not found (where none
+  /// are expected yet, half of the features).
+  bool mayBeOtherPlace(const FrameContext& context, const TrackingResult& tracked) const;
 
   /// The rolling shutter of a frame before its motion is known, and by its motion.
   RollingShutter predictedShutter(const FrameContext& context) const;
@@ -159,13 +164,13 @@ struct OdometryState {
   void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
                      StereoFrame* curr);
   bool spansGap(const FrameContext& context) const;
-  bool isSamePlace(const FrameContext& context, const TrackingResult& tracked) const;
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
   void keepLostMap(const Parameters& parameters);
   void startMap(const Parameters& parameters);
   bool predicts(const FrameContext& context) const;
-  void coverUnknownMotion(const FrameContext& context, TrackingResult* tracked) const;
+  void coverUnknownMotion(const MotionPrior* prior, const FrameContext& context,
+                          TrackingResult* tracked) const;
 };
 
 }  // namespace point_line_odometry

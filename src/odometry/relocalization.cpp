@@ -17,6 +17,13 @@ TrackingResult without(TrackingReason reason) {
   return nothing;
 }
 
+/// A prior that rejects the motion to a place that may be another one carries the pose instead.
+bool isContradicted(const TrackingResult& tracked, const OdometryState& state,
+                    const FrameContext& context) {
+  return tracked.reason == TrackingReason::kNone && !tracked.relocalized &&
+         tracked.prior.use == PriorUse::kRejected && state.mayBeOtherPlace(context, tracked);
+}
+
 /// After a gap the map is tried first: where it is recognized, the place is certain.
 TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& curr,
                                const FramePrior& prior, const FrameContext& context,
@@ -26,17 +33,21 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
   const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
   const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
   const double dt_s = state.sinceLast(context);
-  const bool gap = dt_s > parameters.max_frame_gap_s;
-  TrackingResult tracked = gap ? tracker.relocalize(curr) : tracker.track(curr);
-  if (tracked.relocalized) {
+  const auto is_reachable = [&](const TrackingResult& tracked) {
     const Eigen::Isometry3d T_odom_camera =
         state.pose.anchor().T_odom_previous * tracked.motion.T_curr_prev.inverse();
-    if (state.pose.isReachable(T_odom_camera, dt_s, parameters)) return tracked;
-    tracked = without(TrackingReason::kTooFewInliers);
+    return state.pose.isReachable(T_odom_camera, dt_s, parameters);
+  };
+  if (dt_s <= parameters.max_frame_gap_s) {
+    TrackingResult tracked = tracker.track(curr);
+    const bool refused =
+        (tracked.relocalized && !is_reachable(tracked)) || isContradicted(tracked, state, context);
+    return refused ? without(TrackingReason::kTooFewInliers) : tracked;
   }
-  if (!gap) return tracked;
-  tracked = tracker.track(curr);
-  const bool found = tracked.reason == TrackingReason::kNone && !tracked.relocalized;
+  TrackingResult tracked = tracker.relocalize(curr);
+  if (!tracked.relocalized || !is_reachable(tracked)) tracked = tracker.track(curr);
+  const bool found = tracked.reason == TrackingReason::kNone && is_reachable(tracked) &&
+                     !isContradicted(tracked, state, context);
   return found ? tracked : without(TrackingReason::kFrameGap);
 }
 

@@ -176,7 +176,7 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   }
   if (parts == kMaxParts) state.coverOtherMotions(std::nullopt, tracked.context, &tracked.tracking);
   recalibrate(prior, &tracked, result);
-  state.coverUnsupportedMotion(tracked.context, &tracked.tracking);
+  state.coverUnsupportedMotion(prior, tracked.context, &tracked.tracking);
   return tracked;
 }
 

@@ -56,7 +56,7 @@ struct TrackingResult {
   /// The motion has weakly constrained axes, for which it was fused with the prediction.
   bool weak = false;
   /// Another motion is possible, which the covariance covers, too: the features found may rest on
-  /// the robot's own body, repeat themselves, or agree by chance.
+  /// the robot's own body, repeat themselves, agree by chance, or be of another place.
   bool ambiguous = false;
   /// `motion` is from relocalization: landmarks matched by descriptors over the whole image.
   bool relocalized = false;

@@ -83,10 +83,10 @@ void Gravity::update(const FrameResult& result, const Gyroscope& gyroscope) {
         expSO3(correction_->rotation) * window_.back().T_odom_camera.linear();
 }
 
-/// A window has only frames whose motion the images gave, one after the other.
+/// A window has only frames whose motion the images gave, one after the other and without a gap.
 void Gravity::addFrame(const FrameResult& result, const Gyroscope& gyroscope) {
   const bool measured = result.state == TrackingState::kOk && result.image_motion &&
-                        result.counts.relocalizations == 0;
+                        result.twist_over_s > 0.0 && result.counts.relocalizations == 0;
   Frame frame;
   frame.stamp_ns = result.stamp_ns;
   frame.T_odom_camera = result.T_odom_estimate;
