@@ -42,3 +42,10 @@ class ReportChecks:
             for words in failed[subject][1:]:
                 self.assertIn(words, text)
             self.assertIn(" -> ", text, "a failed line has a hint")
+
+    def check_result(self, result, failed):
+        """The same of a run, which has nothing else to say and returns 1 if a line has failed."""
+        self.assertEqual(result.stderr, "")
+        self.check(result.stdout, failed)
+        has_failed = any(level not in ("ok", "?") for level, _ in parse(result.stdout).values())
+        self.assertEqual(result.returncode, int(has_failed), result.stdout)
