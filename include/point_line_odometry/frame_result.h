@@ -28,8 +28,8 @@ enum class TrackingReason {
   kStampNotNewer,   ///< frame dropped, nothing changed
   kWrongImages,     ///< they or their masks are of another type or size than the camera's; frame
                     ///< dropped, nothing changed
-  kFrameGap,        ///< too long since the last frame, which shows another place: tracking starts
-                    ///< again
+  kFrameGap,        ///< too long since the last frame, and the images do not show the motion:
+                    ///< tracking starts again
   kRepeatedImages,  ///< an image of the previous frame again, byte for byte: its driver repeats it
   kTooFewFeatures,
   kTooFewMatches,
