@@ -82,7 +82,7 @@ struct StageTimes {
 
 /// How many features survived each stage of one frame.
 struct FrameCounts {
-  int points_left = 0;           ///< detected in the left image
+  int points_left = 0;           ///< detected in the left image; 0 if it was not looked for any
   int points_right = 0;          ///< detected in the right image
   int lines_left = 0;            ///< detected in the left image
   int lines_right = 0;           ///< detected in the right image
@@ -153,8 +153,12 @@ struct FrameResult {
   Matrix6d twist_covariance = Matrix6d::Zero();  ///< in the same axes
   /// Time between the two frames that the twist was estimated from [s]; 0 if it was not estimated.
   double twist_over_s = 0.0;
-  PriorReport prior;                                 ///< use of the frame's motion prior
-  std::optional<ImageMotion> image_motion;           ///< nothing if the images gave none
+  PriorReport prior;                        ///< use of the frame's motion prior
+  std::optional<ImageMotion> image_motion;  ///< nothing if the images gave none
+  /// The frame was tracked by landmarks alone: no features were detected in its images. Its points
+  /// and lines, the matches and inliers among its counts, are landmarks; the error of its motion is
+  /// not propagated to the next poses.
+  bool by_landmarks = false;
   double rms_px = 0.0;                               ///< root mean square of the inliers' residuals
   ResidualHistogram point_residuals;                 ///< of the inliers, in standard deviations
   ResidualHistogram line_residuals;                  ///< the same for lines

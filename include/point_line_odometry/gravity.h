@@ -70,6 +70,7 @@ class Gravity {
     Eigen::Isometry3d T_odom_camera = Eigen::Isometry3d::Identity();
     SpecificForce force;
     double step_variance = 0.0;  // of the motion since the one before, each axis [m^2]
+    bool by_landmarks = false;   // it is not propagated to the next pose
   };
 
   /// Mean specific force of a window, in the axes of odom, less the acceleration by the images.

@@ -104,6 +104,7 @@ struct TrackingParameters {
   double rolling_shutter_ms = 0.0;
   double min_megapixels = 0.2;
   double max_megapixels = 1.0;
+  int landmark_frames = 1;
   int threads = 2;
   /// @}
 };
@@ -316,6 +317,10 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
       "tracking/max_megapixels", p.tracking.max_megapixels, 0.05, 1000.0, "Mpx",
       "larger images are processed at a half, a third, ... of their size; all parameters in pixels "
       "are of that size");
+  visit("tracking/landmark_frames", p.tracking.landmark_frames, 0, 10, "",
+        "most frames in a row that are tracked by landmarks alone, where these leave no doubt, "
+        "before "
+        "features are detected again: such a frame takes a fifth of the time; 0: none");
   visit("tracking/threads", p.tracking.threads, 1, 64, "",
         "threads that work on one frame; results do not depend on it");
 

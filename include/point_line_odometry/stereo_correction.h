@@ -33,6 +33,11 @@ class StereoCorrection {
   Eigen::Vector2d apply(const Eigen::Vector2d& right_px) const;
   LineSegment apply(const LineSegment& right) const;  ///< the same of both ends
 
+  /// The pixel that apply() takes here, to first order of the displacement.
+  Eigen::Vector2d remove(const Eigen::Vector2d& calibrated_px) const {
+    return 2.0 * calibrated_px - apply(calibrated_px);
+  }
+
   /// Root mean square of the displacement over the right image of this camera: along the rows, thus
   /// of the disparity, and along the columns [px]. The correction may be that of scaled images.
   Eigen::Vector2d rmsPx(const StereoCamera& camera) const;

@@ -134,6 +134,15 @@ LandmarkMatches LocalMap::find(const StereoFrame& frame, const FrameContext& con
   return landmark_matches;
 }
 
+LandmarkMatches LocalMap::align(const FrameContext& context, const Eigen::Isometry3d& T_map_camera,
+                                ThreadPool* threads) const {
+  LandmarkMatches landmark_matches;
+  const Eigen::Isometry3d T_camera_map = T_map_camera.inverse();
+  alignPoints(points_, T_camera_map, context, threads, &landmark_matches);
+  alignLines(lines_, T_camera_map, context, threads, &landmark_matches);
+  return landmark_matches;
+}
+
 Correspondences LocalMap::correspondences(const LandmarkMatches& landmark_matches,
                                           const FrameContext& context) const {
   const Eigen::Isometry3d T_previous_map = T_map_previous_.inverse();
@@ -174,7 +183,7 @@ void LocalMap::add(const StereoFrame& frame, const FrameContext& context,
   share_found_ += (share_found_ > 0.0 ? kShareOfLast : 1.0) * (share_found - share_found_);
   countMisses(landmark_matches.point_in_view, &points_);
   countMisses(landmark_matches.line_in_view, &lines_);
-  updateLandmarks(context.camera, landmark_matches, motion, threads);
+  updateLandmarks(context.camera, landmark_matches, motion, threads, &previous_);
   const double num_old = static_cast<double>(previous_.size());
   const bool keyframe = needsKeyframe(context.parameters.window);
   addPoints(frame, context, candidates, threads);
@@ -192,9 +201,19 @@ void LocalMap::movePrevious(const Eigen::Isometry3d& T_previous_camera) {
   previous_.T_map_camera = T_map_previous_;
 }
 
+void LocalMap::observe(const FrameContext& context, const LandmarkMatches& landmark_matches,
+                       const MotionEstimate& motion, ThreadPool* threads) {
+  Observations frame;
+  frame.T_map_camera = T_map_previous_ * motion.T_curr_prev.inverse();
+  frame.covariance = rotateCovariance(motion.T_curr_prev.linear(), motion.covariance);
+  updateLandmarks(context.camera, landmark_matches, motion, threads, &frame);
+}
+
+/// By the inlier matches of a frame, which are added to it.
 void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches& landmark_matches,
-                               const MotionEstimate& motion, ThreadPool* threads) {
-  const Eigen::Isometry3d T_camera_map = T_map_previous_.inverse();
+                               const MotionEstimate& motion, ThreadPool* threads,
+                               Observations* frame) {
+  const Eigen::Isometry3d T_camera_map = frame->T_map_camera.inverse();
   std::vector<std::uint64_t> wrong;
   const auto update = [&](const auto& matches, const std::vector<bool>& inliers, auto* landmarks,
                           auto* entries) {
@@ -202,7 +221,7 @@ void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches
     runParts(threads, matches.size(), [&](int, std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         if (!inliers[i]) continue;
-        valid[i] = ekfUpdate(camera, T_camera_map, previous_.covariance, matches[i].observation,
+        valid[i] = ekfUpdate(camera, T_camera_map, frame->covariance, matches[i].observation,
                              &(*landmarks)[matches[i].landmark].estimate);
       }
     });
@@ -218,8 +237,8 @@ void LocalMap::updateLandmarks(const StereoCamera& camera, const LandmarkMatches
       }
     }
   };
-  update(landmark_matches.points, motion.point_inliers, &points_, &previous_.points);
-  update(landmark_matches.lines, motion.line_inliers, &lines_, &previous_.lines);
+  update(landmark_matches.points, motion.point_inliers, &points_, &frame->points);
+  update(landmark_matches.lines, motion.line_inliers, &lines_, &frame->lines);
   cull(wrong, &points_);
   cull(wrong, &lines_);
 }

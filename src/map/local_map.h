@@ -44,6 +44,11 @@ class LocalMap {
   LandmarkMatches find(const StereoFrame& frame, const FrameContext& context,
                        const Eigen::Isometry3d& T_map_camera, ThreadPool* threads) const;
 
+  /// Aligns the landmarks that the previous frame observed with the images of the context, at a
+  /// pose that is accurate to 2 px; no features are needed.
+  LandmarkMatches align(const FrameContext& context, const Eigen::Isometry3d& T_map_camera,
+                        ThreadPool* threads) const;
+
   /// The matches as correspondences for the motion since the previous frame.
   Correspondences correspondences(const LandmarkMatches& landmark_matches,
                                   const FrameContext& context) const;
@@ -56,6 +61,10 @@ class LocalMap {
   void add(const StereoFrame& frame, const FrameContext& context,
            const LandmarkMatches& landmark_matches, const MotionEstimate& motion,
            const LandmarkCandidates& candidates, ThreadPool* threads = nullptr);
+
+  /// Updates the landmarks of inlier matches by a frame that does not become the previous one.
+  void observe(const FrameContext& context, const LandmarkMatches& landmark_matches,
+               const MotionEstimate& motion, ThreadPool* threads);
 
   /// The bundle adjustment of the window of the last keyframes, once after each new keyframe; none
   /// while there is nothing to adjust.
@@ -114,7 +123,7 @@ class LocalMap {
 
   void movePrevious(const Eigen::Isometry3d& T_previous_camera);
   void updateLandmarks(const StereoCamera& camera, const LandmarkMatches& landmark_matches,
-                       const MotionEstimate& motion, ThreadPool* threads);
+                       const MotionEstimate& motion, ThreadPool* threads, Observations* frame);
   void cullLandmarks();
   void addPoints(const StereoFrame& frame, const FrameContext& context,
                  const LandmarkCandidates& candidates, ThreadPool* threads);

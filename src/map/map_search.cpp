@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "matching/edge_aligner.h"
 #include "matching/expected_features.h"
 #include "matching/index_pair.h"
 #include "matching/line_matcher.h"
@@ -69,6 +70,40 @@ StereoPatch patchOf(const MapPoint& point, const StereoWarp& warp) {
   return StereoPatch(patch, Eigen::Vector2f(MapPoint::kHalfPatch, MapPoint::kHalfPatch), warp);
 }
 
+/// Aligns the patches of the points whose pixels are accurate enough, and notes which are in view.
+void alignPatches(const std::vector<MapPoint>& points, const std::vector<View>& views,
+                  const FrameContext& context, ThreadPool* threads,
+                  LandmarkMatches* landmark_matches) {
+  std::vector<std::optional<PointObservation>> found(views.size());
+  runParts(threads, views.size(), [&](int, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const View& view = views[i];
+      if (!view.align) continue;
+      const MapPoint& point = points[view.index];
+      found[i] =
+          alignPoint(patchOf(point, view.warp), point.octave, view.left_px, view.right_px, context);
+    }
+  });
+  landmark_matches->point_in_view.assign(points.size(), false);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    landmark_matches->point_in_view[views[i].index] = true;
+    if (found[i]) landmark_matches->points.push_back({static_cast<int>(views[i].index), *found[i]});
+  }
+}
+
+/// A line projected into the images; nothing if it is not in view.
+std::optional<ExpectedLine> viewOf(const MapLine& line, const FrameContext& context,
+                                   const Eigen::Isometry3d& T_camera_map) {
+  const LineEstimate::Value& ends = line.estimate.value;
+  const StereoCamera& camera = context.camera;
+  return expectLine(camera, context.shutter.whenExposed(camera, T_camera_map * ends.head<3>()),
+                    context.shutter.whenExposed(camera, T_camera_map * ends.tail<3>()), 0.0);
+}
+
+bool isHidden(const ExpectedLine& segments, const StereoMasks& masks) {
+  return masks.left.hides(segments.left) || masks.right.hides(segments.right);
+}
+
 }  // namespace
 
 void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
@@ -92,22 +127,16 @@ void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_
     view->right_px = frame.features.points_right[seen.right].pixel;
     view->align = true;
   }
+  alignPatches(points, views, context, threads, landmark_matches);
+}
 
-  std::vector<std::optional<PointObservation>> found(views.size());
-  runParts(threads, views.size(), [&](int, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const View& view = views[i];
-      if (!view.align) continue;
-      const MapPoint& point = points[view.index];
-      found[i] =
-          alignPoint(patchOf(point, view.warp), point.octave, view.left_px, view.right_px, context);
-    }
-  });
-  landmark_matches->point_in_view.assign(points.size(), false);
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    landmark_matches->point_in_view[views[i].index] = true;
-    if (found[i]) landmark_matches->points.push_back({static_cast<int>(views[i].index), *found[i]});
-  }
+void alignPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
+                 const FrameContext& context, ThreadPool* threads,
+                 LandmarkMatches* landmark_matches) {
+  std::vector<View> views = viewsOf(points, context, T_camera_map, threads);
+  const auto missed = [](const View& view) { return !view.align; };
+  views.erase(std::remove_if(views.begin(), views.end(), missed), views.end());
+  alignPatches(points, views, context, threads, landmark_matches);
 }
 
 void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
@@ -117,13 +146,8 @@ void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_cam
   std::vector<int> expected_index;
   landmark_matches->line_in_view.resize(lines.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
-    const LineEstimate::Value& ends = lines[i].estimate.value;
-    const StereoCamera& camera = context.camera;
-    std::optional<ExpectedLine> segments =
-        expectLine(camera, context.shutter.whenExposed(camera, T_camera_map * ends.head<3>()),
-                   context.shutter.whenExposed(camera, T_camera_map * ends.tail<3>()), 0.0);
-    landmark_matches->line_in_view[i] = segments && !context.masks.left.hides(segments->left) &&
-                                        !context.masks.right.hides(segments->right);
+    std::optional<ExpectedLine> segments = viewOf(lines[i], context, T_camera_map);
+    landmark_matches->line_in_view[i] = segments && !isHidden(*segments, context.masks);
     if (!segments) continue;
     segments->left_descriptor = lines[i].left;
     segments->right_descriptor = lines[i].right;
@@ -137,6 +161,32 @@ void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_cam
         {expected_index[static_cast<std::size_t>(pair.first)], pair.second,
          lineObservation(frame.features, frame.lines[static_cast<std::size_t>(pair.second)],
                          context)});
+  }
+}
+
+void alignLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
+                const FrameContext& context, ThreadPool* threads,
+                LandmarkMatches* landmark_matches) {
+  const LineParameters& parameters = context.parameters.lines;
+  std::vector<std::uint8_t> in_view(lines.size());  // not bool: those of a byte share it
+  std::vector<std::optional<LineObservation>> found(lines.size());
+  runParts(threads, lines.size(), [&](int, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (lines[i].statistics.missed > 0) continue;
+      const std::optional<ExpectedLine> segments = viewOf(lines[i], context, T_camera_map);
+      in_view[i] = segments && !isHidden(*segments, context.masks);
+      if (!in_view[i]) continue;
+      const auto left =
+          alignEdge(context.images.left, context.masks.left, segments->left, parameters);
+      if (!left) continue;
+      const auto right =
+          alignEdge(context.images.right, context.masks.right, segments->right, parameters);
+      if (right) found[i] = lineObservation(*left, *right, 1.0, context);
+    }
+  });
+  landmark_matches->line_in_view.assign(in_view.begin(), in_view.end());
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (found[i]) landmark_matches->lines.push_back({static_cast<int>(i), -1, *found[i]});
   }
 }
 

@@ -19,7 +19,7 @@ struct LandmarkMatches {
   };
   struct Line {
     int landmark;     ///< index into the map's lines
-    int stereo_line;  ///< index into the frame's lines
+    int stereo_line;  ///< index into the frame's lines; -1: its edges were aligned
     LineObservation observation;
   };
   std::vector<Point> points;
@@ -39,5 +39,16 @@ void findPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_
 void findLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
                const StereoFrame& frame, const FrameContext& context, ThreadPool* threads,
                LandmarkMatches* landmark_matches);
+
+/// The same without features of the frame: of the points observed in the last frame, which alone
+/// count as in view.
+void alignPoints(const std::vector<MapPoint>& points, const Eigen::Isometry3d& T_camera_map,
+                 const FrameContext& context, ThreadPool* threads,
+                 LandmarkMatches* landmark_matches);
+
+/// The same for lines, by aligning their projections with the edges of the images.
+void alignLines(const std::vector<MapLine>& lines, const Eigen::Isometry3d& T_camera_map,
+                const FrameContext& context, ThreadPool* threads,
+                LandmarkMatches* landmark_matches);
 
 }  // namespace point_line_odometry

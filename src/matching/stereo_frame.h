@@ -44,7 +44,6 @@ struct StereoLine {
 struct StereoFrame {
   std::int64_t stamp_ns = 0;
   ImagePyramid left_image;  ///< a copy: the next frames align its patches
-  cv::Mat right_image;      ///< a copy, to recognise it if it comes again
   DetectedFeatures features;
   StereoCorrection correction;  ///< with which points and lines are located
   RollingShutter shutter;       ///< the same, at the stamp

@@ -81,18 +81,23 @@ PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::V
   return observation;
 }
 
-LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
+LineObservation lineObservation(const LineSegment& left, const LineSegment& right, double scale,
                                 const FrameContext& context) {
-  const LineSegment& left = features.lines_left[line.left].segment;
-  const LineSegment& right = features.lines_right[line.right].segment;
   LineObservation observation;
   observation.left_start_px = left.start.cast<double>();
   observation.left_end_px = left.end.cast<double>();
   observation.right_start_px = context.correction.apply(right.start.cast<double>());
   observation.right_end_px = context.correction.apply(right.end.cast<double>());
-  observation.sigma_px = lineSigma(context, left, right, features.lines_left[line.left].scale);
+  observation.sigma_px = lineSigma(context, left, right, scale);
   toStamp(context, &observation);
   return observation;
+}
+
+LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
+                                const FrameContext& context) {
+  const LineFeature& left = features.lines_left[line.left];
+  return lineObservation(left.segment, features.lines_right[line.right].segment, left.scale,
+                         context);
 }
 
 std::optional<AlignedPatch> alignInOctave(const PatchAligner& patch, const ImagePyramid& image,

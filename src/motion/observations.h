@@ -33,6 +33,10 @@ double lineSigma(const FrameContext& context, const LineSegment& left, const Lin
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,
                                   double sigma_px, const FrameContext& context);
 
+/// The same for a line at its segments. \param scale see lineSigma().
+LineObservation lineObservation(const LineSegment& left, const LineSegment& right, double scale,
+                                const FrameContext& context);
+
 /// The same for a stereo line of a frame.
 LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
                                 const FrameContext& context);

@@ -18,15 +18,14 @@ std::optional<StereoWarp> warpOf(const StereoPoint& point, const Eigen::Isometry
                          T_curr_earlier.linear() * pixelAxes(camera, point));
 }
 
-/// The patch around a point of an earlier frame, warped to both images of the current one.
-StereoPatch patchOf(const StereoFrame& earlier, const StereoPoint& point,
-                    const Eigen::Isometry3d& T_curr_earlier, const StereoCamera& camera) {
-  const Keypoint& keypoint = earlier.features.points_left[point.left];
-  const cv::Mat& image = earlier.left_image.levels[static_cast<std::size_t>(keypoint.octave)];
-  const Eigen::Vector2f pixel = earlier.left_image.toLevel(keypoint.pixel, keypoint.octave);
-  const auto warp = warpOf(point, T_curr_earlier, camera);
-  if (warp) return StereoPatch(image, pixel, *warp);
-  return StereoPatch(PatchAligner(image, pixel));
+/// The patch around a point of an earlier frame in an octave of its image, warped to both images of
+/// the current one.
+StereoPatch patchOf(const ImagePyramid& earlier_image, const Eigen::Vector2f& pixel, int octave,
+                    const std::optional<StereoWarp>& warp) {
+  const cv::Mat& image = earlier_image.levels[static_cast<std::size_t>(octave)];
+  const Eigen::Vector2f level_px = earlier_image.toLevel(pixel, octave);
+  if (warp) return StereoPatch(image, level_px, *warp);
+  return StereoPatch(PatchAligner(image, level_px));
 }
 
 /// A keypoint where it was detected, with the noise of a whole pixel of its level.
@@ -44,8 +43,10 @@ PointCorrespondence makeCorrespondence(const StereoFrame& earlier, const StereoP
   AlignedPatch right = unaligned(curr.features.points_right[now.right], context.right);
   double patch_px = 0.0;
   if (context.parameters.matching.refine_subpixel) {
-    const StereoPatch patch = patchOf(earlier, before, T_curr_earlier, context.camera);
-    const int octave = earlier.features.points_left[before.left].octave;
+    const Keypoint& keypoint = earlier.features.points_left[before.left];
+    const int octave = keypoint.octave;
+    const StereoPatch patch = patchOf(earlier.left_image, keypoint.pixel, octave,
+                                      warpOf(before, T_curr_earlier, context.camera));
     const StereoMasks& masks = context.masks;
     const auto aligned_left =
         alignInOctave(patch.left, context.left, masks.left, octave, left.pixel);
@@ -93,6 +94,38 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
     line.end_prev = before.triangulated->end_camera;
     line.covariance = before.triangulated->covariance;
     correspondences.lines.push_back(line);
+  }
+  return correspondences;
+}
+
+Correspondences alignCoarsely(const StereoFrame& earlier, const ImagePyramid& earlier_image,
+                              const Eigen::Isometry3d& T_curr_earlier, const FrameContext& context,
+                              ThreadPool* threads) {
+  constexpr std::size_t kMostPoints = 80;
+  const int octave = static_cast<int>(earlier_image.levels.size()) - 1;
+  const std::size_t step = std::max<std::size_t>(1, earlier.points.size() / kMostPoints);
+  const std::size_t count = earlier.points.size() / step;
+  std::vector<std::optional<PointCorrespondence>> aligned(count);
+  runParts(threads, count, [&](int, std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const StereoPoint& point = earlier.points[i * step];
+      const Eigen::Vector3d p = T_curr_earlier * point.triangulated.p_camera;
+      const auto warp = warpOf(point, T_curr_earlier, context.camera);
+      if (!warp) continue;
+      const Eigen::Vector2f& pixel = earlier.features.points_left[point.left].pixel;
+      const std::optional<PointObservation> seen =
+          alignPoint(patchOf(earlier_image, pixel, octave, warp), octave,
+                     context.camera.projectLeft(p).cast<float>(),
+                     context.camera.projectRight(p).cast<float>(), context);
+      if (!seen) continue;
+      aligned[i] = PointCorrespondence{*seen, point.triangulated.p_camera,
+                                       point.triangulated.covariance, point.far};
+    }
+  });
+  Correspondences correspondences;
+  correspondences.disparity_error_px = context.correction.disparity_error_px;
+  for (const std::optional<PointCorrespondence>& match : aligned) {
+    if (match) correspondences.points.push_back(*match);
   }
   return correspondences;
 }

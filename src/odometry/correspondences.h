@@ -19,6 +19,15 @@ Correspondences makeCorrespondences(const StereoFrame& earlier, const StereoFram
                                     const Eigen::Isometry3d& T_curr_earlier,
                                     const FrameContext& context, ThreadPool* threads);
 
+/// Correspondences of some 100 points of an earlier frame, from all over its image, without
+/// features of the current frame: patches of the coarsest octave are aligned where a motion
+/// predicts them, up to 2.5 px of that octave away. Accurate to a fraction of a pixel of that
+/// octave, which is enough for alignments in the image itself. \param earlier_image the earlier
+/// frame's left image with the octaves of the context's images.
+Correspondences alignCoarsely(const StereoFrame& earlier, const ImagePyramid& earlier_image,
+                              const Eigen::Isometry3d& T_curr_earlier, const FrameContext& context,
+                              ThreadPool* threads);
+
 /// Whether the warps of a tenth of an estimate's inlier points differ by more than 2 % of a patch's
 /// size, in scale, roll or shear, from those by which they were aligned: the alignment is biased
 /// towards these. \param T_curr_earlier by which patches were warped.

@@ -2,7 +2,9 @@
 
 #include <vector>
 
+#include "geometry/triangulation.h"
 #include "motion/residuals.h"
+#include "odometry/stereo_triangulation.h"
 
 namespace point_line_odometry {
 namespace {
@@ -21,6 +23,11 @@ FrameCounts countFeatures(const StereoFrame& frame) {
   return counts;
 }
 
+/// That of the correspondences.
+const MotionEstimate& motionOf(const TrackingResult& tracked) {
+  return tracked.by_landmarks ? tracked.motion : tracked.frame_to_frame;
+}
+
 /// By a map, or by the last frame before tracking was lost.
 bool wasRelocalized(const OdometryState& state, const TrackingResult& tracked) {
   const bool measured = tracked.reason == TrackingReason::kNone && !tracked.ambiguous;
@@ -31,10 +38,12 @@ bool wasRelocalized(const OdometryState& state, const TrackingResult& tracked) {
 FrameCounts countTracked(const OdometryState& state, const StereoFrame& curr,
                          const TrackingResult& tracked) {
   FrameCounts counts = countFeatures(curr);
-  counts.point_matches = static_cast<int>(tracked.matches.points.size());
-  counts.line_matches = static_cast<int>(tracked.matches.lines.size());
-  counts.point_inliers = tracked.frame_to_frame.num_point_inliers;
-  counts.line_inliers = tracked.frame_to_frame.num_line_inliers;
+  const Correspondences& matches_of_motion = tracked.correspondences;
+  const MotionEstimate& motion = motionOf(tracked);
+  counts.point_matches = static_cast<int>(matches_of_motion.points.size());
+  counts.line_matches = static_cast<int>(matches_of_motion.lines.size());
+  counts.point_inliers = motion.num_point_inliers;
+  counts.line_inliers = motion.num_line_inliers;
   counts.iterations = tracked.motion.iterations;
   counts.relocalizations = wasRelocalized(state, tracked) ? 1 : 0;
   counts.failed_windows = state.failed_windows;
@@ -49,13 +58,56 @@ FrameCounts countTracked(const OdometryState& state, const StereoFrame& curr,
   return counts;
 }
 
-/// Of a match by the motion from frame to frame; zero if it is no inlier.
+/// Of a match by the motion; zero if it is no inlier.
 Eigen::Vector3f residualOf(const TrackingResult& tracked, const StereoCamera& camera,
                            std::size_t match) {
-  if (!tracked.frame_to_frame.point_inliers[match]) return Eigen::Vector3f::Zero();
+  const MotionEstimate& motion = motionOf(tracked);
+  if (!motion.point_inliers[match]) return Eigen::Vector3f::Zero();
   const PointResidual<ResidualImages::kBoth> residual(tracked.correspondences.points[match], camera,
-                                                      tracked.frame_to_frame.T_curr_prev);
+                                                      motion.T_curr_prev);
   return residual.valid ? residual.value.cast<float>() : Eigen::Vector3f::Zero().eval();
+}
+
+/// The landmarks by which a frame was tracked, located by their pixels in this frame, of which the
+/// stereo correction is taken back.
+void observeLandmarks(const FrameContext& context, const TrackingResult& tracked,
+                      FrameResult* result) {
+  const StereoCorrection& correction = context.correction;
+  const std::vector<PointCorrespondence>& points = tracked.correspondences.points;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector2d right_px = correction.remove(points[i].right_px);
+    const double disparity_px = points[i].left_px.x() - points[i].right_px.x();
+    if (!(disparity_px > 0.0)) continue;
+    result->points.push_back(
+        {points[i].left_px.cast<float>(), right_px.cast<float>(),
+         backProject(context.camera, points[i].left_px, disparity_px).cast<float>(),
+         bool(tracked.motion.point_inliers[i]), residualOf(tracked, context.camera, i),
+         static_cast<float>(right_px.y() - points[i].left_px.y())});
+  }
+  const std::vector<LineCorrespondence>& lines = tracked.correspondences.lines;
+  const auto segment = [](const Eigen::Vector2d& start, const Eigen::Vector2d& end) {
+    return LineSegment{start.cast<float>(), end.cast<float>()};
+  };
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const std::optional<TriangulatedLine> line = triangulateObservation(lines[i], context);
+    if (!line) continue;
+    result->lines.push_back({segment(lines[i].left_start_px, lines[i].left_end_px),
+                             segment(correction.remove(lines[i].right_start_px),
+                                     correction.remove(lines[i].right_end_px)),
+                             line->start_camera.cast<float>(), line->end_camera.cast<float>(),
+                             bool(tracked.motion.line_inliers[i])});
+  }
+}
+
+/// Since the last frame, where that was tracked by landmarks, else since the previous one.
+std::optional<ImageMotion> imageMotionSinceLast(const OdometryState& state,
+                                                const TrackingResult& tracked) {
+  if (!tracked.image_motion || !state.landmark_motion) return tracked.image_motion;
+  const ImageMotion& last = *state.landmark_motion;
+  const ImageMotion& curr = *tracked.image_motion;
+  const Matrix6d to_last = blockRotation(last.T_prev_curr.linear().transpose());
+  return ImageMotion{*state.stamp_ns, last.T_prev_curr.inverse() * curr.T_prev_curr,
+                     to_last * (last.covariance + curr.covariance) * to_last.transpose()};
 }
 
 /// The features of the frame for display: matched ones with their positions, and the others.
@@ -107,16 +159,22 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
   return TrackingReason::kNone;
 }
 
-void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
-                    const TrackingResult& tracked, FrameResult* result) {
+void reportTracking(const OdometryState& state, const StereoFrame& curr,
+                    const FrameContext& context, const TrackingResult& tracked,
+                    FrameResult* result) {
   result->reason = tracked.weak ? TrackingReason::kWeakMotion : tracked.reason;
   if (tracked.ambiguous) result->reason = TrackingReason::kAmbiguousMotion;
   result->rms_px = tracked.motion.rms_px;
   result->point_residuals = tracked.motion.point_residuals;
   result->line_residuals = tracked.motion.line_residuals;
   result->counts = countTracked(state, curr, tracked);
-  if (!tracked.in_lost_map) result->image_motion = tracked.image_motion;
-  observeFeatures(curr, camera, tracked, result);
+  result->by_landmarks = tracked.by_landmarks;
+  if (!tracked.in_lost_map) result->image_motion = imageMotionSinceLast(state, tracked);
+  if (tracked.by_landmarks) {
+    observeLandmarks(context, tracked, result);
+  } else {
+    observeFeatures(curr, context.camera, tracked, result);
+  }
 }
 
 PriorReport reportPrior(const OdometryState& state, const TrackingResult& tracked,

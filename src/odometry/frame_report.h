@@ -17,9 +17,10 @@ TrackingReason refusal(const StereoImages& images, const StereoCamera& camera,
 
 /// Fills a result with what was detected and tracked in a frame: reason, residuals, counts,
 /// features.
-/// \param state before its update by the frame. \param camera of the images as they are processed.
-void reportTracking(const OdometryState& state, const StereoFrame& curr, const StereoCamera& camera,
-                    const TrackingResult& tracked, FrameResult* result);
+/// \param state before its update by the frame.
+void reportTracking(const OdometryState& state, const StereoFrame& curr,
+                    const FrameContext& context, const TrackingResult& tracked,
+                    FrameResult* result);
 
 /// What became of a frame's prior: without a motion by the images it carries the pose while that is
 /// predicted; relocalization uses none.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "motion/motion_consensus.h"
+#include "odometry/correspondences.h"
 #include "odometry/motion_confirmation.h"
 #include "odometry/motion_prediction.h"
 #include "odometry/uncertainty.h"
@@ -74,7 +75,8 @@ TrackingResult FrameTracker::track(const StereoFrame& curr) const {
 /// Without a check of the prior's use.
 TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrior* prior) const {
   const double dt_s = context_.secondsSince(history_.previous->stamp_ns);
-  const ExpectedMotion expected{predictMotion(velocity_, dt_s, parameters_, prior), prior};
+  const ExpectedMotion expected{
+      predictMotion(velocity_, history_.previous->stamp_ns, context_, prior), prior};
   TrackingResult tracked = trackFrameToFrame(curr, expected);
   if (tracked.prior.use == PriorUse::kRejected) return tracked;
   if (history_.map) {
@@ -91,6 +93,60 @@ TrackingResult FrameTracker::trackWith(const StereoFrame& curr, const MotionPrio
     if (found.relocalized) return found;
   }
   return tracked;
+}
+
+std::optional<TrackingResult> FrameTracker::trackLandmarks() const {
+  const StageTimer timer(times_, Stage::kMap);
+  const MotionPrior* prior = prior_.ofMotion();
+  std::optional<TrackingResult> tracked = trackLandmarksWith(prior);
+  if (prior != nullptr && (!tracked || tracked->prior.use == PriorUse::kRejected)) {
+    tracked = trackLandmarksWith(nullptr);
+    if (!tracked) return std::nullopt;
+    estimator_.comparePrior(&*tracked);
+    if (tracked->prior.use != PriorUse::kRejected) return std::nullopt;
+  } else if (tracked && prior_.use == PriorUse::kSuspended) {
+    estimator_.comparePrior(&*tracked);
+    tracked->prior.use = PriorUse::kSuspended;
+  }
+  return tracked;
+}
+
+/// Without a check of the prior's use.
+std::optional<TrackingResult> FrameTracker::trackLandmarksWith(const MotionPrior* prior) const {
+  const LocalMap& map = *history_.map;
+  const ExpectedMotion expected{
+      predictMotion(velocity_, history_.previous->stamp_ns, context_, prior), prior};
+  const ExpectedMotion near{{coarseMotion(expected), expected.prediction.radius_px}, prior};
+  const Eigen::Isometry3d& T_curr_previous = near.prediction.T_curr_prev;
+  TrackingResult tracked;
+  tracked.by_landmarks = true;
+  tracked.landmark_matches =
+      map.align(context_, map.T_map_previous() * T_curr_previous.inverse(), threads_);
+  tracked.correspondences = map.correspondences(tracked.landmark_matches, context_);
+  tracked.motion =
+      estimator_.estimate(tracked.correspondences, near, *history_.previous, threads_, &tracked);
+  if (tracked.prior.use == PriorUse::kRejected) return tracked;
+  if (!isFoundAgain(tracked) ||
+      estimator_.isImplausible(tracked.motion, expected, *history_.previous))
+    return std::nullopt;
+  constrainWeakAxes(&tracked);
+  tracked.reason = reasonOf(tracked.motion, context_.secondsSince(history_.previous->stamp_ns));
+  if (tracked.weak || tracked.reason != TrackingReason::kNone) return std::nullopt;
+  return tracked;
+}
+
+/// By points of the previous frame in the coarsest octave, to bring patches of the images
+/// themselves near enough to be aligned; as expected if these show none.
+Eigen::Isometry3d FrameTracker::coarseMotion(const ExpectedMotion& expected) const {
+  const Eigen::Isometry3d& T_curr_previous = expected.prediction.T_curr_prev;
+  ImagePyramid previous_image = history_.previous->left_image;
+  if (previous_image.levels.size() == 1) previous_image.addLevels(parameters_.points);
+  const Correspondences points =
+      alignCoarsely(*history_.previous, previous_image, T_curr_previous, context_, threads_);
+  TrackingResult unused;
+  const MotionEstimate motion =
+      estimator_.estimate(points, expected, *history_.previous, threads_, &unused);
+  return motion.ok() ? motion.T_curr_prev : T_curr_previous;
 }
 
 TrackingResult FrameTracker::relocalize(const StereoFrame& curr) const {

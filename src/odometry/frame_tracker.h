@@ -42,6 +42,12 @@ class FrameTracker {
   /// tracked again without it.
   TrackingResult track(const StereoFrame& curr) const;
 
+  /// Tracks the frame by landmarks alone, without its features, which takes a small part of the
+  /// time: the points of the previous frame are aligned coarsely where the velocity predicts them,
+  /// and the landmarks that it observed where that motion does. Needs a map and a current velocity.
+  /// Nothing where the motion is in any doubt: then the frame's features are to be detected.
+  std::optional<TrackingResult> trackLandmarks() const;
+
   /// Relocalizes the camera in the map without a motion prediction: landmarks matched by appearance
   /// over the whole image, RANSAC consensus, then tracking against all landmarks. A wrong position
   /// is worse than none: it fails (reason kTooFewInliers, or kTooFast) unless most of the landmarks
@@ -53,6 +59,8 @@ class FrameTracker {
   TrackingResult trackFrameToFrame(const StereoFrame& curr, const ExpectedMotion& expected) const;
   void trackLocalMap(const StereoFrame& curr, const ExpectedMotion& expected,
                      TrackingResult* tracked) const;
+  std::optional<TrackingResult> trackLandmarksWith(const MotionPrior* prior) const;
+  Eigen::Isometry3d coarseMotion(const ExpectedMotion& expected) const;
   void constrainWeakAxes(TrackingResult* tracked) const;
   TrackingReason reasonOf(const MotionEstimate& motion, double dt_s) const;
 

@@ -15,6 +15,11 @@ constexpr double kMinExpected = 10.0;
 // A place is not recognized by fewer inliers.
 constexpr int kMinRecognized = 20;
 
+// Landmarks of the previous frame that are found again without features: at least this number and
+// this share.
+constexpr int kMinFoundAgain = 30;
+constexpr double kShareFoundAgain = 0.6;
+
 // Resting far points that may hold a motion: this number and this share of its inliers, where fewer
 // of the other features are found than by a stationary camera. Without them the scene's motion has
 // more inliers by this factor.
@@ -132,6 +137,11 @@ bool isByChance(const StereoFrame& earlier, const StereoCamera& camera,
   const double by_chance = kShareOfScene * in_view;
   return countNearInliers(tracked) <=
          by_chance + kSigmasAboveChance * std::sqrt((1.0 - kShareOfScene) * by_chance);
+}
+
+bool isFoundAgain(const TrackingResult& tracked) {
+  return tracked.motion.numInliers() >= kMinFoundAgain &&
+         shareFound(tracked.landmark_matches, tracked.motion) >= kShareFoundAgain;
 }
 
 bool isConfirmed(const LocalMap& map, const LandmarkMatches& landmark_matches,

@@ -6,7 +6,7 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kMaxWidening = 4.0;  // of the search radius after missing frames
+constexpr double kMaxWidening = 4.0;  // of the search radius after missing motions
 
 /// By a velocity measured before `unmeasured_s`, and a prior.
 PredictedMotion motionByVelocity(const CameraVelocity& velocity, double dt_s, double unmeasured_s,
@@ -61,13 +61,17 @@ Matrix6d covarianceOfUnknownMotion(const std::optional<CameraVelocity>& velocity
   return covariance;
 }
 
-MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
-                               const Parameters& parameters, const MotionPrior* prior) {
+MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity,
+                               std::int64_t earlier_ns, const FrameContext& context,
+                               const MotionPrior* prior) {
+  const Parameters& parameters = context.parameters;
+  const double dt_s = context.secondsSince(earlier_ns);
   const Eigen::Isometry3d T_curr_prev =
       predictStep(velocity, dt_s, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
   if (!isCurrent(velocity))
     return {T_curr_prev, parameters.matching.search_radius_without_velocity_px};
-  const double widening = std::clamp(dt_s / velocity->measured_over_s, 1.0, kMaxWidening);
+  const double unmeasured_s = context.secondsSince(velocity->stamp_ns);
+  const double widening = std::clamp(unmeasured_s / velocity->measured_over_s, 1.0, kMaxWidening);
   return {T_curr_prev, widening * parameters.matching.search_radius_px};
 }
 

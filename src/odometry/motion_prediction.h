@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "matching/expected_features.h"
+#include "motion/frame_context.h"
 #include "odometry/pose_integrator.h"
 #include "odometry/uncertainty.h"
 #include "point_line_odometry/motion_prior.h"
@@ -33,9 +34,10 @@ PredictedMotion predictStep(const std::optional<CameraVelocity>& velocity, doubl
 Matrix6d covarianceOfUnknownMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                    double unmeasured_s, const TrackingParameters& limits);
 
-/// Motion over a time at constant velocity, if it is current, fused with a prior (null: none), and
-/// the search radius; without either none.
-MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
-                               const Parameters& parameters, const MotionPrior* prior);
+/// Motion from an earlier frame to that of the context at constant velocity, if it is current,
+/// fused with a prior (null: none), and the search radius; without either none.
+MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity,
+                               std::int64_t earlier_ns, const FrameContext& context,
+                               const MotionPrior* prior);
 
 }  // namespace point_line_odometry

@@ -52,7 +52,7 @@ TrackingState OdometryPose::update(const TrackingResult& tracked, const FrameHis
   }
   if (tracked.reason != TrackingReason::kNone) return predict(dt_s, parameters, prior);
   const double since_previous_s = context.secondsSince(history.previous->stamp_ns);
-  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s,
+  integrator_.addMeasurement(stepOf(tracked, history.map), since_previous_s, dt_s,
                              context.images.stamp_ns);
   const bool gap = dt_s > parameters.max_frame_gap_s;
   if (gap || since_previous_s > std::max(dt_s, parameters.max_prediction_s)) {
@@ -91,6 +91,7 @@ MotionStep OdometryPose::stepOf(const TrackingResult& tracked,
   step.T_previous_camera = step.T_measured = tracked.motion.T_curr_prev.inverse();
   step.covariance = tracked.motion.covariance;
   step.error_correlation = kErrorCorrelation;
+  step.is_propagated = !tracked.by_landmarks;
   if (!map) return step;
   Matrix6d limit =
       tracked.frame_to_frame.ok() ? tracked.frame_to_frame.covariance : step.covariance;

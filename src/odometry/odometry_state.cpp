@@ -1,5 +1,6 @@
 #include "odometry/odometry_state.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -25,6 +26,7 @@ bool fusesRotation(const Parameters& parameters) {
 /// frame may again be matched with the previous one.
 bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
                    const TrackingResult& tracked, const FrameContext& context) {
+  if (tracked.by_landmarks) return false;
   if (!history.previous || tracked.reason == TrackingReason::kNone) return true;
   const Parameters& parameters = context.parameters;
   const bool outlived =
@@ -32,6 +34,13 @@ bool shouldReplace(const FrameHistory& history, const StereoFrame& curr,
       context.secondsSince(history.previous->stamp_ns) > parameters.tracking.max_prediction_s;
   const auto features = static_cast<int>(curr.points.size() + curr.lines.size());
   return outlived && features >= parameters.motion.min_matches;
+}
+
+/// Images of a frame that do not change any more.
+StereoImages imagesOf(const StereoFrame& frame, const StereoImages& received) {
+  const std::vector<cv::Mat>& levels = frame.left_image.levels;
+  return {levels.empty() ? received.left.clone() : levels.front(), received.right.clone(),
+          received.stamp_ns};
 }
 
 /// Of the features in the map's last frame; nothing without a map, or if it has just been started.
@@ -88,6 +97,17 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
+  if (measured) repeated.learn(context.images, pose.isStationary());
+  const bool replaces = shouldReplace(history, curr, tracked, context);
+  if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
+  landmark_frames = tracked.by_landmarks ? landmark_frames + 1 : 0;
+  landmark_motion.reset();
+  if (tracked.by_landmarks) {
+    landmark_motion = tracked.image_motion;
+    const StageTimer timer(times, Stage::kUpdateMap);
+    history.map->observe(context, tracked.landmark_matches, tracked.motion, threads);
+    return;
+  }
   const std::vector<OnlineStereoCalibration::VerticalDisparity> vertical =
       verticalDisparities(curr);
   if (measured && parameters.matching.wide_search) {
@@ -95,8 +115,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   } else if (!measured) {
     resting.addLost(dt_s);
   }
-  if (measured) repeated.learn(*history.previous, curr, pose.isStationary());
-  if (shouldReplace(history, curr, tracked, context)) {
+  if (replaces) {
     const StageTimer timer(times, Stage::kUpdateMap);
     updatePrevious(std::move(curr), context, tracked, threads);
   }
@@ -151,10 +170,32 @@ FramePrior OdometryState::prepare(const MotionPrior* prior, std::int64_t curr_st
 std::optional<TrackingStart> OdometryState::trackingStart(const FrameContext& context,
                                                           const FramePrior& prior) const {
   if (!history.previous) return std::nullopt;
-  const auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
-  return TrackingStart{*history.previous,
-                       predictMotion(velocity, context.secondsSince(history.previous->stamp_ns),
-                                     context.parameters, prior.ofMotion())};
+  const auto velocity = velocityFor(context);
+  return TrackingStart{*history.previous, predictMotion(velocity, history.previous->stamp_ns,
+                                                        context, prior.ofMotion())};
+}
+
+std::optional<CameraVelocity> OdometryState::velocityFor(const FrameContext& context) const {
+  auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
+  if (!isCurrent(velocity) || !velocity->since_previous) return velocity;
+  const Eigen::Isometry3d T_last_camera =
+      motionAtVelocity(velocity->value, context.secondsSince(velocity->stamp_ns));
+  velocity->value = velocityOfMotion(velocity->since_previous->T_previous_camera * T_last_camera,
+                                     context.secondsSince(history.previous->stamp_ns));
+  return velocity;
+}
+
+bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
+  const TrackingParameters& parameters = context.parameters.tracking;
+  if (landmark_frames >= parameters.landmark_frames || tracking != TrackingState::kOk ||
+      !history.previous || !history.map || history.map->shareFound() == 0.0 ||
+      parameters.rolling_shutter_ms != 0.0 || !stereo_calibration.knowsVertical())
+    return false;
+  // The next frame is matched with the previous one if features are detected in that.
+  const double next_s = context.secondsSince(history.previous->stamp_ns) + sinceLast(context);
+  if (next_s > std::min(parameters.max_frame_gap_s, parameters.max_prediction_s)) return false;
+  const auto velocity = velocityFor(context);
+  return isCurrent(velocity) && velocity->stamp_ns == *stamp_ns;
 }
 
 double OdometryState::sinceLast(const FrameContext& context) const {
@@ -170,8 +211,7 @@ bool OdometryState::repeatsImages(const FrameContext& context, const FramePrior&
   if (!history.previous) return false;
   const bool gap = sinceLast(context) > context.parameters.tracking.max_frame_gap_s;
   if (gap && !repeated.cameraHasNoise()) return false;
-  return repeated.areIn(context.images, *history.previous, context.intervals, pose.velocity(),
-                        prior.ofMotion());
+  return repeated.areIn(context.images, context.intervals, pose.velocity(), prior.ofMotion());
 }
 
 /// Of two lost maps the one with more keyframes is kept.
@@ -252,7 +292,7 @@ bool OdometryState::spansGap(const FrameContext& context) const {
 
 /// Whether a current velocity predicts the frame's motion.
 bool OdometryState::predicts(const FrameContext& context) const {
-  return isCurrent(pose.velocityFor(context.images.stamp_ns, context.parameters.tracking));
+  return isCurrent(velocityFor(context));
 }
 
 /// Makes a motion ambiguous that may be any with which a prior (null: none) agrees.

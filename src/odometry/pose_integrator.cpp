@@ -56,28 +56,49 @@ void PoseIntegrator::continueAt(const Eigen::Isometry3d& T_odom_camera, const Ma
   *this = next;
 }
 
-void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns) {
+void PoseIntegrator::addMeasurement(const MotionStep& step, double dt_s, double last_s,
+                                    std::int64_t stamp_ns) {
   const auto composed = [&](const Matrix6d& covariance) {
     return composeCovariance(T_odom_previous_, previous_covariance_, step.T_previous_camera,
                              covariance);
   };
   correlated_covariance_ = composed(step.error_correlation * step.covariance);
   const Matrix6d to_odom = blockRotation(T_odom_previous_.linear());
-  step_covariance_ = step.error_correlation * to_odom * step.covariance * to_odom.transpose();
+  const double propagated = step.is_propagated ? step.error_correlation : 0.0;
+  step_covariance_ = propagated * to_odom * step.covariance * to_odom.transpose();
   covariance_ = composed(step.covariance);
   T_odom_camera_ = T_odom_previous_ * step.T_previous_camera;
   T_odom_camera_.linear() =
       Eigen::Quaterniond(T_odom_camera_.linear()).normalized().toRotationMatrix();
-  Matrix6d covariance = step.covariance + step.previous_covariance;
-  const Eigen::Vector3d translation = step.T_measured.translation();
-  covariance.topLeftCorner<3, 3>() +=
-      kScaleError * kScaleError * translation * translation.transpose();
-  velocity_ = CameraVelocity{velocityOfMotion(step.T_measured, dt_s), covariance / (dt_s * dt_s),
-                             dt_s, stamp_ns};
+  setVelocity(step, dt_s, last_s, stamp_ns);
   twist_ = velocity_->value;
   twist_covariance_ = velocity_->covariance;
   predicted_error_.setZero();
   predicted_s_ = 0.0;
+}
+
+/// Since the last frame, if its motion was estimated, else since the previous one.
+void PoseIntegrator::setVelocity(const MotionStep& step, double dt_s, double last_s,
+                                 std::int64_t stamp_ns) {
+  Eigen::Isometry3d T_begin_camera = step.T_measured;
+  Matrix6d covariance = step.covariance + step.previous_covariance;
+  double over_s = dt_s;
+  if (velocity_ && velocity_->since_previous && predicted_s_ == 0.0) {
+    const MotionSincePrevious& last = *velocity_->since_previous;
+    const Matrix6d to_last = blockRotation(last.T_previous_camera.linear().transpose());
+    T_begin_camera = last.T_previous_camera.inverse() * step.T_measured;
+    covariance = to_last * (step.covariance + last.covariance) * to_last.transpose();
+    over_s = last_s;
+  }
+  const Eigen::Vector3d translation = T_begin_camera.translation();
+  covariance.topLeftCorner<3, 3>() +=
+      kScaleError * kScaleError * translation * translation.transpose();
+  velocity_ = CameraVelocity{velocityOfMotion(T_begin_camera, over_s),
+                             covariance / (over_s * over_s),
+                             over_s,
+                             stamp_ns,
+                             true,
+                             MotionSincePrevious{step.T_measured, step.covariance}};
 }
 
 bool PoseIntegrator::addPrediction(double dt_s, double max_prediction_s,
@@ -139,6 +160,7 @@ void PoseIntegrator::widenVelocity() {
 
 void PoseIntegrator::returnTo(const Eigen::Isometry3d& T_odom_previous,
                               const Matrix6d& previous_covariance) {
+  if (velocity_) velocity_->since_previous.reset();
   T_odom_previous_ = T_odom_previous;
   previous_covariance_ = previous_covariance;
 }
@@ -153,6 +175,7 @@ void PoseIntegrator::correctTilt(const Eigen::Isometry3d& T_correction,
 }
 
 void PoseIntegrator::advance() {
+  if (velocity_) velocity_->since_previous.reset();
   T_odom_previous_ = T_odom_camera_;
   previous_covariance_ = correlated_covariance_;
 }

@@ -13,6 +13,18 @@
 
 namespace point_line_odometry {
 
+/// The motion from the previous frame to a later one that did not replace it, as it was tracked by
+/// landmarks alone.
+struct MotionSincePrevious {
+  Eigen::Isometry3d T_previous_camera = Eigen::Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Zero();  ///< along and about the axes of the previous camera
+
+  auto state() {
+    auto& [T, covariance_of_this] = *this;
+    return std::tie(T, covariance_of_this);
+  }
+};
+
 /// Velocity of the camera in its own axes, linear [m/s] and angular [rad/s].
 struct CameraVelocity {
   Vector6d value = Vector6d::Zero();
@@ -22,6 +34,8 @@ struct CameraVelocity {
   /// False: from before tracking was lost, or a mean over a time without tracking. It predicts
   /// neither pixels nor poses, but is better than nothing along axes that images do not show.
   bool is_current = true;
+  /// Up to the second frame; nothing if that is the previous one.
+  std::optional<MotionSincePrevious> since_previous = {};
 };
 
 /// An estimated motion since the previous frame.
@@ -36,6 +50,8 @@ struct MotionStep {
   /// Factor of the covariance that is propagated to the next poses. Against a map most of a frame's
   /// error is independent of the next ones: only the landmarks created by it share it.
   double error_correlation = 1.0;
+  /// Whether the next poses continue from this one: not if the previous frame remains.
+  bool is_propagated = true;
 };
 
 /// `T_measured`, moved towards `T_wanted` by at most `max_sigmas` standard deviations of
@@ -63,8 +79,10 @@ class PoseIntegrator {
   /// \param added to the covariance, along and about the axes of odom.
   void continueAt(const Eigen::Isometry3d& T_odom_camera, const Matrix6d& added);
 
-  /// Continues from the previous frame's pose with an estimated motion.
-  void addMeasurement(const MotionStep& step, double dt_s, std::int64_t stamp_ns);
+  /// Continues from the previous frame's pose with an estimated motion. \param dt_s since the
+  /// previous frame. \param last_s since the last one, from which the velocity is, if its motion
+  /// was estimated.
+  void addMeasurement(const MotionStep& step, double dt_s, double last_s, std::int64_t stamp_ns);
 
   /// Continues from the last pose at the last velocity, with grown covariance. Without a current
   /// velocity a prior that knows the translation suffices. Returns false if there is neither, or if
@@ -127,6 +145,7 @@ class PoseIntegrator {
   }
 
  private:
+  void setVelocity(const MotionStep& step, double dt_s, double last_s, std::int64_t stamp_ns);
   void addPredictedError(const PredictedMotion& motion);
 
   Eigen::Isometry3d T_odom_camera_ = Eigen::Isometry3d::Identity();

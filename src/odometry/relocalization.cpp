@@ -30,7 +30,7 @@ TrackingResult trackCurrentMap(const OdometryState& state, const StereoFrame& cu
                                ThreadPool* threads, StageTimes* times) {
   if (!state.history.previous) return without(TrackingReason::kFirstFrame);
   const TrackingParameters& parameters = context.parameters.tracking;
-  const std::optional<CameraVelocity> velocity = state.pose.velocityFor(curr.stamp_ns, parameters);
+  const std::optional<CameraVelocity> velocity = state.velocityFor(context);
   const FrameTracker tracker(state.history, velocity, prior, context, threads, times);
   const double dt_s = state.sinceLast(context);
   const auto is_reachable = [&](const TrackingResult& tracked) {

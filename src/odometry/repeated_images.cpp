@@ -57,20 +57,18 @@ bool agreesWithStandstill(const MotionPrior& prior, double dt_s) {
 
 bool RepeatedImages::cameraHasNoise() const { return noisy_frames_ >= kNoisyFrames; }
 
-bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previous,
-                           const FrameIntervals& intervals,
+bool RepeatedImages::areIn(const StereoImages& images, const FrameIntervals& intervals,
                            const std::optional<CameraVelocity>& velocity,
                            const MotionPrior* prior) const {
-  const cv::Mat& previous_left = previous.left_image.levels.front();
-  const bool left = isSameImage(images.left, previous_left);
-  const bool right = isSameImage(images.right, previous.right_image);
+  if (left_.empty()) return false;
+  const bool left = isSameImage(images.left, left_);
+  const bool right = isSameImage(images.right, right_);
   if (!left && !right) return false;
   if (cameraHasNoise()) return true;
-  const double dt_s = intervals.between(previous.stamp_ns, images.stamp_ns);
-  const bool known = velocity && velocity->is_current && velocity->stamp_ns == previous.stamp_ns;
-  const bool other_differs =
-      left != right && (left ? mostlyDiffer(images.right, previous.right_image)
-                             : mostlyDiffer(images.left, previous_left));
+  const double dt_s = intervals.between(stamp_ns_, images.stamp_ns);
+  const bool known = velocity && velocity->is_current && velocity->stamp_ns == stamp_ns_;
+  const bool other_differs = left != right && (left ? mostlyDiffer(images.right, right_)
+                                                    : mostlyDiffer(images.left, left_));
   const double most_s = kMostIntervals * intervals.usual();
   const bool moves_by_prior = prior != nullptr && !agreesWithStandstill(*prior, dt_s);
   if (other_differs)
@@ -80,14 +78,11 @@ bool RepeatedImages::areIn(const StereoImages& images, const StereoFrame& previo
   return known && velocity->measured_over_s <= most_s && !mayHaveStopped(dt_s, *velocity);
 }
 
-void RepeatedImages::learn(const StereoFrame& previous, const StereoFrame& curr, bool stationary) {
-  const cv::Mat& previous_left = previous.left_image.levels.front();
-  const cv::Mat& left = curr.left_image.levels.front();
+void RepeatedImages::learn(const StereoImages& curr, bool stationary) {
   const bool again = believed_;
-  believed_ =
-      isSameImage(left, previous_left) && isSameImage(curr.right_image, previous.right_image);
+  believed_ = isSameImage(curr.left, left_) && isSameImage(curr.right, right_);
   if (cameraHasNoise() || (believed_ && !again)) return;
-  noisy_frames_ = stationary && differByNoise(left, previous_left) ? noisy_frames_ + 1 : 0;
+  noisy_frames_ = stationary && differByNoise(curr.left, left_) ? noisy_frames_ + 1 : 0;
 }
 
 }  // namespace point_line_odometry

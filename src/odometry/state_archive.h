@@ -106,15 +106,18 @@ inline auto stateOf(ImagePyramid& pyramid) {
 }
 
 inline auto stateOf(StereoFrame& frame) {
-  auto& [stamp_ns, left_image, right_image, features, correction, shutter, points, lines, resting] =
-      frame;
-  return std::tie(stamp_ns, left_image, right_image, features, correction, shutter, points, lines,
-                  resting);
+  auto& [stamp_ns, left_image, features, correction, shutter, points, lines, resting] = frame;
+  return std::tie(stamp_ns, left_image, features, correction, shutter, points, lines, resting);
 }
 
 inline auto stateOf(CameraVelocity& velocity) {
-  auto& [value, covariance, measured_over_s, stamp_ns, is_current] = velocity;
-  return std::tie(value, covariance, measured_over_s, stamp_ns, is_current);
+  auto& [value, covariance, measured_over_s, stamp_ns, is_current, since_previous] = velocity;
+  return std::tie(value, covariance, measured_over_s, stamp_ns, is_current, since_previous);
+}
+
+inline auto stateOf(ImageMotion& motion) {
+  auto& [from_ns, T_prev_curr, covariance] = motion;
+  return std::tie(from_ns, T_prev_curr, covariance);
 }
 
 inline auto stateOf(MotionPrior& prior) {

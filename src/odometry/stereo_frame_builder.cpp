@@ -18,11 +18,7 @@ void addCoarserFeatures(StereoFeatureDetector* detector, const std::optional<Tra
   const PointCoverage coverage(*frame, *context);
   const bool poor = coverage.isPoor();
   if (!poor && !(start && hasCoarserPoints(start->previous))) return;
-  threads->run(2, [&](int task) {
-    ImagePyramid& image = task == 0 ? context->left : context->right;
-    image.addLevels(context->parameters.points);
-    (task == 0 ? context->masks.left : context->masks.right).addLevels(image);
-  });
+  addLevels(context, threads);
   std::copy(context->left.levels.begin() + 1, context->left.levels.end(),
             std::back_inserter(frame->left_image.levels));
   if (!poor) return;
@@ -32,13 +28,20 @@ void addCoarserFeatures(StereoFeatureDetector* detector, const std::optional<Tra
 
 }  // namespace
 
+void addLevels(FrameContext* context, ThreadPool* threads) {
+  threads->run(2, [&](int task) {
+    ImagePyramid& image = task == 0 ? context->left : context->right;
+    image.addLevels(context->parameters.points);
+    (task == 0 ? context->masks.left : context->masks.right).addLevels(image);
+  });
+}
+
 StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
                            ThreadPool* threads, StageTimes* times) {
   const StageTimer timer(times, Stage::kDetect);
   StereoFrame frame;
   frame.stamp_ns = context.images.stamp_ns;
   frame.left_image = ImagePyramid(context.images.left.clone());
-  frame.right_image = context.images.right.clone();
   frame.features = detector->detect(context.images, threads, context.masks);
   return frame;
 }

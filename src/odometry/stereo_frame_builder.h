@@ -11,6 +11,9 @@
 
 namespace point_line_odometry {
 
+/// Adds the coarser levels of the images and of their masks to the context.
+void addLevels(FrameContext* context, ThreadPool* threads);
+
 /// A stereo frame with the features detected in both images, not matched yet.
 StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
                            ThreadPool* threads, StageTimes* times);

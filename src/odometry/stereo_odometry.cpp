@@ -13,6 +13,7 @@
 #include "odometry/coarser_points.h"
 #include "odometry/frame_report.h"
 #include "odometry/frame_shutter.h"
+#include "odometry/frame_tracker.h"
 #include "odometry/image_scaling.h"
 #include "odometry/odometry_state.h"
 #include "odometry/relocalization.h"
@@ -81,6 +82,8 @@ class StereoOdometry::Impl {
 
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
+  std::optional<TrackedFrame> trackLandmarks(FrameContext context, const FramePrior& prior,
+                                             FrameResult* result);
   TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
                      FrameResult* result);
   void trackWithShutter(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
@@ -126,6 +129,10 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(std::move(repeated), prior, result);
     return;
   }
+  if (std::optional<TrackedFrame> tracked = trackLandmarks(context, prior, result)) {
+    update(*std::move(tracked), prior, result);
+    return;
+  }
   const StereoFrame detected = detectFeatures(&detector, context, threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
     const StereoFrame first =
@@ -144,6 +151,23 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
   TrackedFrame without_prior = track(detected, context, {}, result);
   if (without_prior.tracking.image_motion) without_prior.tracking.prior = prior_report;
   update(std::move(without_prior), prior, result);
+}
+
+/// Tracks the frame by landmarks alone, if that is in no doubt.
+std::optional<TrackedFrame> StereoOdometry::Impl::trackLandmarks(FrameContext context,
+                                                                 const FramePrior& prior,
+                                                                 FrameResult* result) {
+  if (!state.mayTrackLandmarks(context)) return std::nullopt;
+  finishWindow(result);
+  addLevels(&context, threads.get());
+  const auto velocity = state.velocityFor(context);
+  const FrameTracker tracker(state.history, velocity, prior, context, threads.get(),
+                             &result->times);
+  std::optional<TrackingResult> tracked = tracker.trackLandmarks();
+  if (!tracked) return std::nullopt;
+  TrackedFrame frame{context, {}, *std::move(tracked)};
+  frame.frame.stamp_ns = context.images.stamp_ns;
+  return frame;
 }
 
 TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext context,
@@ -264,7 +288,7 @@ void StereoOdometry::Impl::finishWindow(FrameResult* result) {
 
 void StereoOdometry::Impl::update(TrackedFrame curr, const FramePrior& prior, FrameResult* result) {
   if (curr.tracking.in_lost_map) state.returnToLostMap();
-  reportTracking(state, curr.frame, curr.context.camera, curr.tracking, result);
+  reportTracking(state, curr.frame, curr.context, curr.tracking, result);
   state.update(std::move(curr.frame), curr.context, curr.tracking, prior, threads.get(),
                &result->times);
   result->prior = reportPrior(state, curr.tracking, prior);

@@ -135,6 +135,14 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
   }
 }
 
+std::optional<TriangulatedLine> triangulateObservation(const LineObservation& seen,
+                                                       const FrameContext& context) {
+  return triangulateLine(context.camera,
+                         {seen.left_start_px.cast<float>(), seen.left_end_px.cast<float>()},
+                         {seen.right_start_px.cast<float>(), seen.right_end_px.cast<float>()},
+                         seen.sigma_px, lineLimits(context.parameters));
+}
+
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame) {
   frame->correction = context.correction;

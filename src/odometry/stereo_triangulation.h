@@ -1,11 +1,13 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "common/thread_pool.h"
 #include "matching/frame_matcher.h"
 #include "matching/index_pair.h"
 #include "matching/stereo_frame.h"
+#include "motion/correspondence.h"
 #include "motion/frame_context.h"
 
 namespace point_line_odometry {
@@ -24,6 +26,10 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
 /// Both.
 void triangulateMatches(const StereoMatches& matches, const FrameContext& context,
                         ThreadPool* threads, StereoFrame* frame);
+
+/// The line at an observation; nothing if that cannot be triangulated.
+std::optional<TriangulatedLine> triangulateObservation(const LineObservation& seen,
+                                                       const FrameContext& context);
 
 /// Locates the points and lines of a frame again, with another correction of the right image or
 /// another velocity in its rolling shutter. What it cannot locate becomes as above.

@@ -51,6 +51,9 @@ struct TrackingResult {
   std::optional<ImageMotion> image_motion;
   PriorReport prior;
   LandmarkMatches landmark_matches;
+  /// The motion is against landmarks alone: the frame's features were not detected, and
+  /// correspondences are those of the landmark matches.
+  bool by_landmarks = false;
   /// What frame_to_frame says about the right camera.
   std::optional<CalibrationEvidence> calibration;
   /// The motion has weakly constrained axes, for which it was fused with the prediction.

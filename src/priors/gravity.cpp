@@ -90,6 +90,7 @@ void Gravity::addFrame(const FrameResult& result, const Gyroscope& gyroscope) {
   Frame frame;
   frame.stamp_ns = result.stamp_ns;
   frame.T_odom_camera = result.T_odom_estimate;
+  frame.by_landmarks = result.by_landmarks;
   if (!measured || window_.size() >= kMaxFrames) {
     window_.clear();
   } else if (!window_.empty()) {
@@ -99,6 +100,7 @@ void Gravity::addFrame(const FrameResult& result, const Gyroscope& gyroscope) {
       frame.force = *force;
       const Matrix3d velocity = result.twist_covariance.topLeftCorner<3, 3>();
       frame.step_variance = velocity.trace() / 3.0 * std::pow(result.twist_over_s, 2);
+      if (window_.back().by_landmarks) window_.back().step_variance = 0.0;  // not propagated
     } else {
       window_.clear();
     }
