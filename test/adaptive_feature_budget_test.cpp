@@ -72,6 +72,20 @@ TEST(AdaptiveFeatureBudget, IgnoresNoiseOfTheTimes) {
   EXPECT_LT(over, 20) << "of 1000 frames";
 }
 
+/// Every second one is tracked by landmarks alone.
+TEST(AdaptiveFeatureBudget, HoldsTheMeanOfTwoFrames) {
+  AdaptiveFeatureBudget budget(20.0);
+  int k = 0;
+  const auto detected_ms = [](double share) { return 10.0 + 50.0 * share; };
+  const Computer alternating = [&](double share) {
+    return k++ % 2 == 0 ? detected_ms(share) : 8.0;
+  };
+  run(alternating, 60, &budget);
+  const double mean_ms = 0.5 * (detected_ms(budget.budget()) + 8.0);
+  EXPECT_LE(mean_ms, 20.0);
+  EXPECT_GE(mean_ms, 0.9 * 20.0);
+}
+
 TEST(AdaptiveFeatureBudget, OneSlowFrameChangesNothing) {
   AdaptiveFeatureBudget budget(40.0);
   for (int k = 0; k < 100; ++k)

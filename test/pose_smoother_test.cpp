@@ -28,7 +28,7 @@ class AfterALoss : public ::testing::Test {
 
   void follow(const MotionStep& step) {
     stamp_ns_ += 150000000;
-    estimate_.addMeasurement(step, kFrameTime_s, stamp_ns_);
+    estimate_.addMeasurement(step, kFrameTime_s, kFrameTime_s, stamp_ns_);
     pose_.followMeasured(estimate_, kFrameTime_s, true);
     estimate_.advance();
   }

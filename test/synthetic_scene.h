@@ -334,13 +334,13 @@ inline StereoImages drive(int k) { return room("drive " + std::to_string(k), tru
 
 constexpr int kPassingBegins = 4;
 
-/// The same, but from frame kPassingBegins on what takes seventy percent of the view moves to the
+/// The same, but from frame `begins` on what takes seventy percent of the view moves to the
 /// right.
-inline StereoImages passing(int k) {
+inline StereoImages passingFrom(int begins, int k) {
   StereoImages images = drive(k);
-  const double moved_m = 0.1 * std::max(0, k - kPassingBegins + 1);
+  const double moved_m = 0.1 * std::max(0, k - begins + 1);
   const StereoImages other =
-      room("passing " + std::to_string(k),
+      room("passing " + std::to_string(k) + " from " + std::to_string(begins),
            truePose(k) * transform(Eigen::Vector3d::Zero(), {-moved_m, 0.0, 0.0}), k);
   const cv::Rect part(0, 0, 7 * roomCamera().width / 10, roomCamera().height);
   for (const auto& [to, from] :
@@ -350,6 +350,8 @@ inline StereoImages passing(int k) {
   }
   return images;
 }
+
+inline StereoImages passing(int k) { return passingFrom(kPassingBegins, k); }
 
 /// With Gaussian noise of this standard deviation [grey levels], by the stamp.
 inline StereoImages noisy(StereoImages images, double sigma) {

@@ -777,7 +777,7 @@ TEST(PoseIntegrator, ErrorsOfAPredictionAddUp) {
     MotionStep step;
     step.T_measured = step.T_previous_camera = synthetic::transform({0, 0, 0}, {0, 0, 1.0});
     step.covariance = 1e-8 * Matrix6d::Identity();
-    pose.addMeasurement(step, 0.1, 0);
+    pose.addMeasurement(step, 0.1, 0.1, 0);
     for (int i = 1; i <= steps; ++i) pose.addPrediction(1.0 / steps, 0.0, {});
     return std::sqrt(pose.covariance()(2, 2));
   };
@@ -803,7 +803,7 @@ TEST(PoseIntegrator, APriorCarriesAPoseOfUnknownVelocity) {
   MotionStep step;
   step.covariance = 1e-8 * Matrix6d::Identity();
   step.covariance.diagonal().head<3>().setConstant(36.0);  // 60 m/s
-  far_points_only.addMeasurement(step, 0.1, 0);
+  far_points_only.addMeasurement(step, 0.1, 0.1, 0);
   for (PoseIntegrator* pose : {&unknown, &far_points_only}) {
     for (int i = 0; i < 10; ++i) EXPECT_TRUE(pose->addPrediction(0.1, 5.0, {}, &prior));
     EXPECT_NEAR(pose->T_odom_camera().translation().z(), 1.0, 0.01);
@@ -817,7 +817,7 @@ TEST(PoseIntegrator, APredictedTwistIsAsUncertainAsTheVelocity) {
   pose.reset(Isometry3d::Identity());
   MotionStep step;
   step.covariance = 0.25 * Matrix6d::Identity();  // 5 m/s, 5 rad/s
-  pose.addMeasurement(step, 0.1, 0);
+  pose.addMeasurement(step, 0.1, 0.1, 0);
   EXPECT_TRUE(pose.addPrediction(0.1, 0.5, {}));
   EXPECT_GE(pose.twistCovariance().diagonal().minCoeff(), 25.0);
 }
@@ -832,7 +832,7 @@ TEST(PoseIntegrator, AnUnknownMotionKeepsToTheLimits) {
     pose.reset(Isometry3d::Identity());
     MotionStep step;
     step.covariance = 1e-8 * Matrix6d::Identity();
-    if (with_velocity) pose.addMeasurement(step, 0.1, 0);
+    if (with_velocity) pose.addMeasurement(step, 0.1, 0.1, 0);
     for (int i = 0; i < 36000; ++i) EXPECT_FALSE(pose.addPrediction(0.1, 0.0, limits));
     const Vector6d twist = pose.twistCovariance().diagonal().cwiseSqrt();
     EXPECT_LE(twist.head<3>().maxCoeff(), 2.0 + 1e-9);
@@ -850,7 +850,7 @@ TEST(PoseIntegrator, AfterALongGapTheRotationIsUnknown) {
   pose.reset(Isometry3d::Identity());
   MotionStep step;
   step.covariance = 1e-8 * Matrix6d::Identity();
-  pose.addMeasurement(step, 0.1, 0);
+  pose.addMeasurement(step, 0.1, 0.1, 0);
   EXPECT_FALSE(pose.addPrediction(3.0, 0.5, {}));
   const Vector6d sigma = pose.covariance().diagonal().cwiseSqrt();
   EXPECT_NEAR(sigma.tail<3>().minCoeff(), M_PI, 0.1);

@@ -56,7 +56,7 @@ Each row is INPUT/WHAT. Between its calls a row calls OpenCV's line segment dete
 (LSD_REFINE_STD, one thread, one image), as computers differ and drift.
   Time, CPU    mean time of a call, by the clock and of the processor [ms]
   median_ms    median time of a call; p95_ms: 95 % of the calls take less
-  vs_lsd       median over that of OpenCV's line segment detector in the same row
+  vs_lsd       mean over that of OpenCV's line segment detector in the same row
   cpu_vs_lsd   the same of the processor's time in all threads, which other programs
                that run at the same time hardly change
   found        how many segments, points, matches ... the call has found
@@ -64,7 +64,7 @@ Letters after a number are powers of 1000: m thousandths, k thousands.
 
 Stages run on one thread, except features_stereo (both images). INPUT/frame is the
 whole odometry over consecutive frames; found: inliers, ok: share of the frames with
-a motion, the others: median of each stage [ms].
+a motion, the others: mean of each stage [ms].
 
 INPUT/segments compares the segments longer than 20 px with those of OpenCV's
 detector, over up to 10 pairs spread over the sequence: all, and the n longest of

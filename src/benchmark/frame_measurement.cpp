@@ -16,11 +16,6 @@ constexpr int kPasses = 3;
 constexpr std::size_t kBlock = 8;    // frames of one kind in a row
 constexpr std::size_t kUntimed = 2;  // frames after the start, which take less time
 
-double mean(const std::vector<double>& values) {
-  if (values.empty()) return 0.0;
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
 StereoCamera enlarged(StereoCamera camera, int factor) {
   camera.width *= factor;
   camera.height *= factor;
@@ -100,9 +95,9 @@ void takeTurns(const std::vector<StereoImages>& frames, const std::vector<TimedR
 
 }  // namespace
 
-double FrameTimes::median_ms() const { return median(frames.wall_ms); }
+double FrameTimes::mean_ms() const { return mean(frames.wall_ms); }
 double FrameTimes::p95_ms() const { return quantile(frames.wall_ms, 0.95); }
-double FrameTimes::cpu_ms() const { return median(frames.cpu_ms); }
+double FrameTimes::cpu_ms() const { return mean(frames.cpu_ms); }
 double FrameTimes::stage_ms(Stage stage) const {
   return mean(stages[static_cast<std::size_t>(stage)]);
 }

@@ -25,10 +25,10 @@ struct FrameTimes {
   CallTimes frames;
   std::array<std::vector<double>, kNumStages> stages;
 
-  double median_ms() const;
-  double p95_ms() const;  ///< 95 % of the frames take less
-  /// Median time of the processor in all threads [ms].
-  double cpu_ms() const;
+  /// Mean: frames that are tracked by landmarks alone take a part of the others' time.
+  double mean_ms() const;
+  double p95_ms() const;               ///< 95 % of the frames take less
+  double cpu_ms() const;               ///< mean of the processor's in all threads
   double stage_ms(Stage stage) const;  ///< mean
 };
 

@@ -22,7 +22,7 @@ using StageSamples = std::array<std::vector<double>, kNumStages>;
 
 void reportStages(const StageSamples& samples, benchmark::State* state) {
   for (int i = 0; i < kNumStages; ++i) {
-    state->counters[toString(static_cast<Stage>(i))] = median(samples[i]);
+    state->counters[toString(static_cast<Stage>(i))] = mean(samples[i]);
   }
 }
 

@@ -45,13 +45,12 @@ void RowTimer::take(const CallTime& time) {
 }
 
 void RowTimer::report(std::size_t found) const {
-  const double median_ms = median(times_.wall_ms);
-  state_->counters["median_ms"] = median_ms;
+  state_->counters["median_ms"] = median(times_.wall_ms);
   state_->counters["p95_ms"] = quantile(times_.wall_ms, 0.95);
   state_->counters["found"] = static_cast<double>(found);
   if (yardstick_times_.wall_ms.empty()) return;
-  state_->counters["vs_lsd"] = median_ms / median(yardstick_times_.wall_ms);
-  state_->counters["cpu_vs_lsd"] = median(times_.cpu_ms) / median(yardstick_times_.cpu_ms);
+  state_->counters["vs_lsd"] = mean(times_.wall_ms) / mean(yardstick_times_.wall_ms);
+  state_->counters["cpu_vs_lsd"] = mean(times_.cpu_ms) / mean(yardstick_times_.cpu_ms);
 }
 
 }  // namespace point_line_odometry

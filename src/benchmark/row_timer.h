@@ -92,7 +92,7 @@ class RowTimer {
     take(stopwatch.elapsed());
   }
 
-  /// Adds the row's counters: median_ms and p95_ms [ms], vs_lsd (median / median of the yardstick)
+  /// Adds the row's counters: median_ms and p95_ms [ms], vs_lsd (mean / mean of the yardstick)
   /// and cpu_vs_lsd (the same of the processor's times, which other programs hardly change), both
   /// missing without yardstick, and found (number of results of a call).
   void report(std::size_t found) const;

@@ -210,7 +210,7 @@ std::string timeTable(const Columns& columns) {
   const auto lsd_ms = [](const Column& c) { return c.times.yardstick_ms(); };
   const auto lsd_cpu_ms = [](const Column& c) { return c.times.yardstickCpu_ms(); };
   const auto row = [&](const std::string& name, const std::string& run, const char* goal) {
-    const auto frame_ms = [&](const Column& c) { return c.run(run).median_ms(); };
+    const auto frame_ms = [&](const Column& c) { return c.run(run).mean_ms(); };
     table.row(timeCells(name, columns, frame_ms, lsd_ms, goal));
   };
   row(kTwoThreads, kTwoThreads, "<= 0.25");
@@ -238,11 +238,11 @@ std::string timeTable(const Columns& columns) {
 /// How many times as long a run takes as that on two threads, "" without it.
 std::string timesAsLong(const Column& column, const std::string& run) {
   if (!column.has(run)) return "";
-  return ratio(column.run(run).median_ms(), column.run(kTwoThreads).median_ms());
+  return ratio(column.run(run).mean_ms(), column.run(kTwoThreads).mean_ms());
 }
 
 std::string spreadOf(const Column& column, const std::string& run) {
-  return ratio(column.run(run).p95_ms(), column.run(run).median_ms());
+  return ratio(column.run(run).p95_ms(), column.run(run).mean_ms());
 }
 
 std::string otherTable(const Columns& columns) {
@@ -254,10 +254,10 @@ std::string otherTable(const Columns& columns) {
     table.row(cellsOf(name, columns, cell, goal));
   };
   row(
-      "95 % of the frames below, two threads [medians]",
+      "95 % of the frames below, two threads [means]",
       [](const Column& c) { return spreadOf(c, kTwoThreads); }, "<= 1.5");
   row(
-      "95 % of the frames below, one thread [medians]",
+      "95 % of the frames below, one thread [means]",
       [](const Column& c) { return spreadOf(c, kOneThread); }, "<= 1.5");
   row(
       "images 3 times as wide and high: time [times]",
@@ -274,11 +274,6 @@ double sumOfStages_ms(const FrameTimes& run) {
   double sum_ms = 0.0;
   for (int i = 0; i < kNumStages; ++i) sum_ms += run.stage_ms(static_cast<Stage>(i));
   return sum_ms;
-}
-
-double mean_ms(const FrameTimes& run) {
-  return std::accumulate(run.frames.wall_ms.begin(), run.frames.wall_ms.end(), 0.0) /
-         static_cast<double>(run.frames.wall_ms.size());
 }
 
 std::string stageTable(const Columns& columns) {
@@ -307,8 +302,8 @@ std::string stageTable(const Columns& columns) {
     if (runs) row(toString(stage), [&](const FrameTimes& run) { return run.stage_ms(stage); });
   }
   row("between the stages",
-      [](const FrameTimes& run) { return mean_ms(run) - sumOfStages_ms(run); });
-  row("whole frame", mean_ms);
+      [](const FrameTimes& run) { return run.mean_ms() - sumOfStages_ms(run); });
+  row("whole frame", [](const FrameTimes& run) { return run.mean_ms(); });
   return table.text();
 }
 
@@ -321,7 +316,7 @@ std::string notScaling(const Columns& columns) {
     const auto stage = static_cast<Stage>(i);
     const bool stays = std::any_of(columns.begin(), columns.end(), [&](const Column& c) {
       const double many = c.run(mostThreads()).stage_ms(stage);
-      return many > kMatters * mean_ms(c.run(mostThreads())) &&
+      return many > kMatters * c.run(mostThreads()).mean_ms() &&
              many > kScales * c.run(kOneThread).stage_ms(stage);
     });
     if (stays) names += std::string(names.empty() ? "" : ", ") + toString(stage);
@@ -381,8 +376,9 @@ std::string summarize(const SummaryOptions& options) {
     column.times = measureFrames(column.input.get(), kindsFor(column, options.parameters));
   }
   std::ostringstream text = classicStream();
-  text << "Medians over " << columns.front().run(kTwoThreads).frames.wall_ms.size()
-       << " frames, in turns with OpenCV's line segment detector (cv LSD) on one image; "
+  text << "Means over " << columns.front().run(kTwoThreads).frames.wall_ms.size()
+       << " frames, in turns with OpenCV's line segment detector (cv LSD) on one image (its "
+          "median); "
        << numCores() << (numCores() == 1 ? " core, " : " cores, ") << openCvVersion()
        << ". Other systems: measured side by side on two cores.\n\n"
        << timeTable(columns) << '\n'

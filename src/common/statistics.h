@@ -2,10 +2,17 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <utility>
 #include <vector>
 
 namespace point_line_odometry {
+
+/// 0 of none.
+inline double mean(const std::vector<double>& values) {
+  if (values.empty()) return 0.0;
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
 
 /// The value below which this share (0 ... 1) of the values lie, by the nearest rank; 0 of none.
 template <typename Value>

@@ -28,10 +28,11 @@ AdaptiveFeatureBudget::AdaptiveFeatureBudget(double target_ms) : target_ms_(targ
 
 double AdaptiveFeatureBudget::addFrame(double frame_ms) {
   if (target_ms_ == 0.0 || !std::isfinite(frame_ms) || frame_ms < 0.0) return budget_;
-  times_ms_.push_back(frame_ms);
-  if (times_ms_.size() < kFramesPerDecision) return budget_;
-  const double median_ms = median(times_ms_);
-  times_ms_.clear();
+  times_ms_[num_frames_ % 2].push_back(frame_ms);
+  if (++num_frames_ < kFramesPerDecision) return budget_;
+  const double median_ms = 0.5 * (median(times_ms_[0]) + median(times_ms_[1]));
+  num_frames_ = 0;
+  for (std::vector<double>& times_ms : times_ms_) times_ms.clear();
   if (median_ms <= target_ms_ && median_ms >= kRoomBelow * target_ms_) return budget_;
   // A part of the time does not depend on the budget, so that this changes it by less than wanted
   // and never beyond the aim.

@@ -16,6 +16,10 @@
 namespace point_line_odometry {
 namespace {
 
+// Frames with features and a motion before one is tracked by landmarks alone: at the beginning and
+// after any doubt the map has few landmarks, and the share of them that is found is not known yet.
+constexpr int kSettledFrames = 5;
+
 /// Whether frame k-2 will be needed, for the fusion of rotations.
 bool fusesRotation(const Parameters& parameters) {
   const std::string& when = parameters.motion.fuse_rotation;
@@ -101,6 +105,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   const bool replaces = shouldReplace(history, curr, tracked, context);
   if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
   landmark_frames = tracked.by_landmarks ? landmark_frames + 1 : 0;
+  if (!tracked.by_landmarks)
+    settled_frames = measured ? std::min(settled_frames + 1, kSettledFrames) : 0;
   landmark_motion.reset();
   if (tracked.by_landmarks) {
     landmark_motion = tracked.image_motion;
@@ -187,8 +193,8 @@ std::optional<CameraVelocity> OdometryState::velocityFor(const FrameContext& con
 
 bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
   const TrackingParameters& parameters = context.parameters.tracking;
-  if (landmark_frames >= parameters.landmark_frames || tracking != TrackingState::kOk ||
-      !history.previous || !history.map || history.map->shareFound() == 0.0 ||
+  if (landmark_frames >= parameters.landmark_frames || settled_frames < kSettledFrames ||
+      tracking != TrackingState::kOk || !history.previous || !history.map ||
       parameters.rolling_shutter_ms != 0.0 || !stereo_calibration.knowsVertical())
     return false;
   // The next frame is matched with the previous one if features are detected in that.
@@ -387,6 +393,7 @@ void OdometryState::restartMap(const Parameters& parameters) {
 }
 
 void OdometryState::startMap(const Parameters& parameters) {
+  settled_frames = 0;
   history.map.reset();
   if (parameters.window.size > 0) history.map.emplace();
   pose.startMap();

@@ -60,6 +60,7 @@ struct OdometryState {
   PriorChain priors;
   RestingFeatures resting;  ///< on the robot's own body
   RepeatedImages repeated;
+  int settled_frames = 0;   ///< with features and a motion, since the last one without; up to a few
   int landmark_frames = 0;  ///< in a row, since the previous frame, tracked by landmarks alone
   std::optional<ImageMotion> landmark_motion;  ///< of the last of them, since the previous frame
   int failed_windows = 0;                      ///< not yet reported by a frame
@@ -85,8 +86,8 @@ struct OdometryState {
   /// the mean of what is known of that motion and of the rest at that velocity.
   std::optional<CameraVelocity> velocityFor(const FrameContext& context) const;
 
-  /// Whether the next frame may be tracked by landmarks alone: the motion is known up to the last
-  /// frame, and features were detected not too long ago.
+  /// Whether the next frame may be tracked by landmarks alone: motions are known up to the last
+  /// frame and for some frames before, and features were detected not too long ago.
   bool mayTrackLandmarks(const FrameContext& context) const;
 
   /// From the last accepted frame [s]; 0 for the very first one.
@@ -162,11 +163,11 @@ struct OdometryState {
   auto state() {
     auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
            calibration, shutter_of_this, noise_of_this, priors_of_this, resting_of_this,
-           repeated_of_this, num_landmark_frames, motion_by_landmarks, failed] = *this;
+           repeated_of_this, settled, num_landmark_frames, motion_by_landmarks, failed] = *this;
     return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
                     pose_of_this, calibration, shutter_of_this, noise_of_this, priors_of_this,
-                    resting_of_this, repeated_of_this, num_landmark_frames, motion_by_landmarks,
-                    failed);
+                    resting_of_this, repeated_of_this, settled, num_landmark_frames,
+                    motion_by_landmarks, failed);
   }
 
  private:

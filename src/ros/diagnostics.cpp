@@ -180,10 +180,10 @@ void Diagnostics::noteCheck(const std::vector<DoctorLine>& lines) {
   doctor_lines_ = lines;
 }
 
-std::optional<double> Diagnostics::medianFrameMs() const {
+std::optional<double> Diagnostics::meanFrameMs() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (process_ms_.size() < 2) return std::nullopt;
-  return median(std::vector<double>(process_ms_.begin(), process_ms_.end()));
+  return mean(std::vector<double>(process_ms_.begin(), process_ms_.end()));
 }
 
 std::optional<MaskFacts> Diagnostics::masks() const {

@@ -57,8 +57,8 @@ class Diagnostics {
   std::optional<SourceFacts> imu() const;
   std::optional<SourceFacts> wheels() const;
 
-  /// Median time for the latest frames [ms]; nothing before the second frame.
-  std::optional<double> medianFrameMs() const;
+  /// Mean time for the latest frames [ms]; nothing before the second frame.
+  std::optional<double> meanFrameMs() const;
 
   /// Publishes the state; warns in the log if no set of images has come for too long.
   void update(const StereoSubscriber& subscriber);

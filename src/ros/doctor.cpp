@@ -85,7 +85,7 @@ void Doctor::checkAndReport() {
   DoctorFacts facts = checks_.facts(input, *sources_.tf);
   facts.image_topics = image_topics_;
   facts.clock_missing = isClockMissing();
-  facts.frame_ms = sources_.diagnostics->medianFrameMs();
+  facts.frame_ms = sources_.diagnostics->meanFrameMs();
   facts.masks = sources_.diagnostics->masks();
   facts.correction_px = sources_.diagnostics->correctionPx();
   facts.imu_source = sources_.diagnostics->imu();
