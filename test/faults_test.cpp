@@ -592,9 +592,9 @@ TEST(RepeatedImages, HalfOfTheFramesSuffice) {
 
 /// From 1.2 m/s to a standstill within a frame, as a simulated robot without noise and inertia.
 TEST(RepeatedImages, AreBelievedAfterAFewFrames) {
-  const Parameters every_second = synthetic::roomParameters();
-  Parameters every_frame = every_second;
-  every_frame.tracking.landmark_frames = 0;
+  const Parameters every_frame = synthetic::roomParameters();
+  Parameters every_second = every_frame;
+  every_second.tracking.landmark_frames = 1;
   for (const auto& [parameters, last] : {std::pair(every_frame, 6), std::pair(every_second, 7)}) {
     StereoOdometry odometry(kCamera, parameters);
     for (int k = 0; k < 40; ++k) {

@@ -30,9 +30,15 @@ constexpr int kSettled = 5;  // motions with features before the first one witho
 constexpr int kNumFrames = 14;
 const StereoCamera kCamera = synthetic::roomCamera();
 
+Parameters everySecond() {
+  Parameters parameters;
+  parameters.tracking.landmark_frames = 1;
+  return parameters;
+}
+
 using Images = std::function<StereoImages(int)>;
 
-std::vector<FrameResult> run(const Images& images, const Parameters& parameters = {},
+std::vector<FrameResult> run(const Images& images, const Parameters& parameters = everySecond(),
                              int num_frames = kNumFrames) {
   StereoOdometry odometry(kCamera, parameters);
   std::vector<FrameResult> results;
@@ -123,9 +129,9 @@ TEST(LandmarkFrames, AreAsManyInARowAsAllowed) {
 }
 
 TEST(LandmarkFrames, DoNotDependOnTheThreads) {
-  Parameters one;
+  Parameters one = everySecond();
   one.tracking.threads = 1;
-  Parameters three;
+  Parameters three = everySecond();
   three.tracking.threads = 3;
   const std::vector<FrameResult> a = run(drive, one);
   const std::vector<FrameResult> b = run(drive, three);
@@ -204,7 +210,7 @@ TEST(LandmarkFrames, AreNoneOfASlowCamera) {
 }
 
 TEST(LandmarkFrames, AreNoneWithARollingShutter) {
-  Parameters parameters;
+  Parameters parameters = everySecond();
   parameters.tracking.rolling_shutter_ms = 1.0;
   EXPECT_EQ(countByLandmarks(run(drive, parameters)), 0);
 }

@@ -358,7 +358,7 @@ const std::vector<Case>& cases() {
       {"planar/roll_deviation", [](P p) { p->planar.roll_deviation = 1.0; }, drive, withFloor},
       {"planar/pitch_deviation", [](P p) { p->planar.pitch_deviation = 1.0; }, drive, withFloor},
       {"tracking/max_megapixels", [](P p) { p->tracking.max_megapixels = 0.05; }},
-      {"tracking/landmark_frames", [](P p) { p->tracking.landmark_frames = 0; }},
+      {"tracking/landmark_frames", [](P p) { p->tracking.landmark_frames = 1; }},
   };
   return all;
 }

@@ -510,6 +510,9 @@ TEST(StereoOdometryState, ContinuesWithTheSameBits) {
   small_map.window.size = 3;
   small_map.local_map.size = 0;
   expectTheSameFromEveryFrame(small_map);
+  Parameters by_landmarks;
+  by_landmarks.tracking.landmark_frames = 1;
+  expectTheSameFromEveryFrame(by_landmarks);
   Parameters frame_to_frame;
   frame_to_frame.window.size = 0;
   frame_to_frame.motion.fuse_rotation = "always";

@@ -104,7 +104,7 @@ struct TrackingParameters {
   double rolling_shutter_ms = 0.0;
   double min_megapixels = 0.2;
   double max_megapixels = 1.0;
-  int landmark_frames = 1;
+  int landmark_frames = 0;
   int threads = 2;
   /// @}
 };

@@ -20,6 +20,11 @@ namespace {
 // after any doubt the map has few landmarks, and the share of them that is found is not known yet.
 constexpr int kSettledFrames = 5;
 
+// Largest share of new ones that is expected among the landmarks which the next frame with features
+// will observe, for one without before it: where the view changes faster, as at every 2nd frame of
+// a car, landmarks are seen too seldom as it is.
+constexpr double kMostNew = 0.6;
+
 /// Whether frame k-2 will be needed, for the fusion of rotations.
 bool fusesRotation(const Parameters& parameters) {
   const std::string& when = parameters.motion.fuse_rotation;
@@ -163,6 +168,8 @@ void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context
                        landmarkCandidates(curr, tracked.matches, tracked.frame_to_frame), threads);
     }
   }
+  previous_span_s =
+      context.secondsSince(history.previous ? history.previous->stamp_ns : curr.stamp_ns);
   history.previous = std::move(curr);
   pose.advance();
 }
@@ -199,7 +206,9 @@ bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
     return false;
   // The next frame is matched with the previous one if features are detected in that.
   const double next_s = context.secondsSince(history.previous->stamp_ns) + sinceLast(context);
-  if (next_s > std::min(parameters.max_frame_gap_s, parameters.max_prediction_s)) return false;
+  if (next_s > std::min(parameters.max_frame_gap_s, parameters.max_prediction_s) ||
+      history.map->shareOfNew() * next_s > kMostNew * previous_span_s)
+    return false;
   const auto velocity = velocityFor(context);
   return isCurrent(velocity) && velocity->stamp_ns == *stamp_ns;
 }

@@ -60,8 +60,9 @@ struct OdometryState {
   PriorChain priors;
   RestingFeatures resting;  ///< on the robot's own body
   RepeatedImages repeated;
-  int settled_frames = 0;   ///< with features and a motion, since the last one without; up to a few
-  int landmark_frames = 0;  ///< in a row, since the previous frame, tracked by landmarks alone
+  int settled_frames = 0;  ///< with features and a motion, since the last one without; up to a few
+  double previous_span_s = 0.0;  ///< time between the previous frame and the one before it [s]
+  int landmark_frames = 0;       ///< in a row, since the previous frame, tracked by landmarks alone
   std::optional<ImageMotion> landmark_motion;  ///< of the last of them, since the previous frame
   int failed_windows = 0;                      ///< not yet reported by a frame
 
@@ -163,10 +164,11 @@ struct OdometryState {
   auto state() {
     auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
            calibration, shutter_of_this, noise_of_this, priors_of_this, resting_of_this,
-           repeated_of_this, settled, num_landmark_frames, motion_by_landmarks, failed] = *this;
+           repeated_of_this, settled, span_s, num_landmark_frames, motion_by_landmarks, failed] =
+        *this;
     return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
                     pose_of_this, calibration, shutter_of_this, noise_of_this, priors_of_this,
-                    resting_of_this, repeated_of_this, settled, num_landmark_frames,
+                    resting_of_this, repeated_of_this, settled, span_s, num_landmark_frames,
                     motion_by_landmarks, failed);
   }
 
