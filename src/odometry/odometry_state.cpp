@@ -152,6 +152,8 @@ void OdometryState::updateShutter(const TrackingResult& tracked, bool is_known,
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,
                                    const TrackingResult& tracked, ThreadPool* threads) {
   history.before_previous.reset();
+  previous_span_s =
+      context.secondsSince(history.previous ? history.previous->stamp_ns : curr.stamp_ns);
   const bool unknown = tracked.reason != TrackingReason::kNone;
   const bool other_place = tracked.ambiguous && spansGap(context);
   if (unknown || other_place) {
@@ -168,8 +170,6 @@ void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context
                        landmarkCandidates(curr, tracked.matches, tracked.frame_to_frame), threads);
     }
   }
-  previous_span_s =
-      context.secondsSince(history.previous ? history.previous->stamp_ns : curr.stamp_ns);
   history.previous = std::move(curr);
   pose.advance();
 }
