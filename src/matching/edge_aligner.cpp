@@ -83,7 +83,8 @@ std::optional<LineSegment> alignEdge(const cv::Mat& image, const FeatureMask& ma
   const int width = axes.steep ? image.rows : image.cols;
   const int height = axes.steep ? image.cols : image.rows;
   const float slope = (end.y() - start.y()) / (end.x() - start.x());
-  const auto [left, right] = std::minmax(start.x(), end.x());
+  const float left = std::min(start.x(), end.x());
+  const float right = std::max(start.x(), end.x());
   // Of a segment far outside of the image only the columns inside are visited.
   const int first = static_cast<int>(std::ceil(std::max(left, 1.0F)));
   const int last = static_cast<int>(std::floor(std::min(right, static_cast<float>(width - 2))));

@@ -26,13 +26,26 @@ AdaptiveFeatureBudget::AdaptiveFeatureBudget(double target_ms) : target_ms_(targ
   }
 }
 
-double AdaptiveFeatureBudget::addFrame(double frame_ms) {
+double AdaptiveFeatureBudget::addFrame(double frame_ms, bool by_landmarks) {
   if (target_ms_ == 0.0 || !std::isfinite(frame_ms) || frame_ms < 0.0) return budget_;
-  times_ms_[num_frames_ % 2].push_back(frame_ms);
-  if (++num_frames_ < kFramesPerDecision) return budget_;
-  const double median_ms = 0.5 * (median(times_ms_[0]) + median(times_ms_[1]));
-  num_frames_ = 0;
-  for (std::vector<double>& times_ms : times_ms_) times_ms.clear();
+  const bool is_first = with_features_ms_.empty() && by_landmarks_ms_.empty();
+  if (is_first) begins_by_landmarks_ = by_landmarks;
+  (by_landmarks ? by_landmarks_ms_ : with_features_ms_).push_back(frame_ms);
+  const std::size_t num_frames = with_features_ms_.size() + by_landmarks_ms_.size();
+  // Of both kinds in turns as many of each.
+  const bool ends_amid_turn = !by_landmarks_ms_.empty() && by_landmarks == begins_by_landmarks_;
+  if (num_frames < kFramesPerDecision || (ends_amid_turn && num_frames < 2 * kFramesPerDecision))
+    return budget_;
+  const auto sum_of_medians = [](const std::vector<double>& times_ms) {
+    return static_cast<double>(times_ms.size()) * median(times_ms);
+  };
+  const double median_ms =
+      by_landmarks_ms_.empty()
+          ? median(with_features_ms_)
+          : (sum_of_medians(with_features_ms_) + sum_of_medians(by_landmarks_ms_)) /
+                static_cast<double>(num_frames);
+  with_features_ms_.clear();
+  by_landmarks_ms_.clear();
   if (median_ms <= target_ms_ && median_ms >= kRoomBelow * target_ms_) return budget_;
   // A part of the time does not depend on the budget, so that this changes it by less than wanted
   // and never beyond the aim.

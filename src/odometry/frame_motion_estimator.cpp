@@ -59,14 +59,13 @@ MotionEstimate FrameMotionEstimator::estimateByImages(const Correspondences& mat
                               context_.parameters.motion, threads);
 }
 
-/// A prediction from the velocity, which must be current: for the time since its own motion.
+/// A prediction from the velocity, which must be current; the camera has accelerated since that.
 ConstantVelocityMotion FrameMotionEstimator::atVelocity(const Eigen::Isometry3d& T_curr_prev,
                                                         const StereoFrame& earlier) const {
-  const std::optional<MotionSincePrevious>& known = velocity_->since_previous;
-  const double dt_s = context_.secondsSince(known ? velocity_->stamp_ns : earlier.stamp_ns);
-  Matrix6d covariance = dt_s * dt_s * velocity_->covariance;
-  if (known) covariance += known->covariance;
-  return {T_curr_prev, covariance, dt_s};
+  const double dt_s = context_.secondsSince(earlier.stamp_ns);
+  const double unmeasured_s =
+      velocity_->since_previous ? context_.secondsSince(velocity_->stamp_ns) : dt_s;
+  return {T_curr_prev, dt_s * dt_s * velocity_->covariance, unmeasured_s};
 }
 
 }  // namespace point_line_odometry

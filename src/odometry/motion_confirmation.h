@@ -85,8 +85,8 @@ constexpr double kShareRecognized = 0.7;
 /// At a right motion, of the landmarks of a scene most of which something hides in this frame.
 constexpr double kShareMostlyHidden = 1.0 / 3.0;
 
-/// True if of the landmarks that the previous frame observed nearly as many as usual are found
-/// again and agree with the motion: the frame may do without features of its own.
+/// True if most of the landmarks that the last frame observed are found again and agree with the
+/// motion, and these are not too few: the frame may do without features of its own.
 bool isFoundAgain(const TrackingResult& tracked);
 
 /// True if landmarks should be found at a motion, and at least a fraction of the usual share is.

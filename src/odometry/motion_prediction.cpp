@@ -70,7 +70,8 @@ MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity,
       predictStep(velocity, dt_s, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
   if (!isCurrent(velocity))
     return {T_curr_prev, parameters.matching.search_radius_without_velocity_px};
-  const double unmeasured_s = context.secondsSince(velocity->stamp_ns);
+  const double unmeasured_s =
+      velocity->since_previous ? context.secondsSince(velocity->stamp_ns) : dt_s;
   const double widening = std::clamp(unmeasured_s / velocity->measured_over_s, 1.0, kMaxWidening);
   return {T_curr_prev, widening * parameters.matching.search_radius_px};
 }

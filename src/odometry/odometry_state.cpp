@@ -17,7 +17,7 @@ namespace point_line_odometry {
 namespace {
 
 // Frames with features and a motion before one is tracked by landmarks alone: at the beginning and
-// after any doubt the map has few landmarks, and the share of them that is found is not known yet.
+// after any doubt the map has few landmarks.
 constexpr int kSettledFrames = 5;
 
 // Largest share of new ones that is expected among the landmarks which the next frame with features
@@ -111,7 +111,8 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
   landmark_frames = tracked.by_landmarks ? landmark_frames + 1 : 0;
   if (!tracked.by_landmarks)
-    settled_frames = measured ? std::min(settled_frames + 1, kSettledFrames) : 0;
+    settled_frames =
+        measured && !tracked.relocalized ? std::min(settled_frames + 1, kSettledFrames) : 0;
   landmark_motion.reset();
   if (tracked.by_landmarks) {
     landmark_motion = tracked.image_motion;
@@ -191,10 +192,13 @@ std::optional<TrackingStart> OdometryState::trackingStart(const FrameContext& co
 std::optional<CameraVelocity> OdometryState::velocityFor(const FrameContext& context) const {
   auto velocity = pose.velocityFor(context.images.stamp_ns, context.parameters.tracking);
   if (!isCurrent(velocity) || !velocity->since_previous) return velocity;
-  const Eigen::Isometry3d T_last_camera =
-      motionAtVelocity(velocity->value, context.secondsSince(velocity->stamp_ns));
-  velocity->value = velocityOfMotion(velocity->since_previous->T_previous_camera * T_last_camera,
-                                     context.secondsSince(history.previous->stamp_ns));
+  const MotionSincePrevious& known = *velocity->since_previous;
+  const double last_s = context.secondsSince(velocity->stamp_ns);
+  const double dt_s = context.secondsSince(history.previous->stamp_ns);
+  const Eigen::Isometry3d T_last_camera = motionAtVelocity(velocity->value, last_s);
+  velocity->value = velocityOfMotion(known.T_previous_camera * T_last_camera, dt_s);
+  velocity->covariance =
+      (last_s * last_s * velocity->covariance + known.covariance) / (dt_s * dt_s);
   return velocity;
 }
 
@@ -202,7 +206,11 @@ bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
   const TrackingParameters& parameters = context.parameters.tracking;
   if (landmark_frames >= parameters.landmark_frames || settled_frames < kSettledFrames ||
       tracking != TrackingState::kOk || !history.previous || !history.map ||
-      parameters.rolling_shutter_ms != 0.0 || !stereo_calibration.knowsVertical())
+      parameters.rolling_shutter_ms != 0.0)
+    return false;
+  if (calibratesStereo(context.parameters) &&
+      (!stereo_calibration.knowsVertical() ||
+       commonDifference(history.previous->correction, context.correction) >= kOtherDisparityPx))
     return false;
   // The next frame is matched with the previous one if features are detected in that.
   const double next_s = context.secondsSince(history.previous->stamp_ns) + sinceLast(context);
@@ -238,6 +246,7 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
+  landmark_motion.reset();
   tracking = pose.predict(intervals.between(*stamp_ns, curr_stamp_ns), parameters, prior.ofStep());
   noteStamp(curr_stamp_ns);
 }
@@ -377,12 +386,14 @@ void OdometryState::followCorrection(const FrameContext& context) {
 }
 
 void OdometryState::returnToLostMap() {
+  landmark_motion.reset();
   history = std::move(lost->history);
   pose.returnTo(lost->anchor);
   lost.reset();
 }
 
 void OdometryState::restartTracking() {
+  landmark_motion.reset();
   history = FrameHistory();
   lost.reset();
 }

@@ -242,7 +242,8 @@ void StereoOdometryNodelet::processAndPublish(const StereoMessages& messages) {
   }
   publishers_->publish(frame, diagnostics_->counters(), latency_ms);
   if (frame.result.processed()) {
-    processor_->setFeatureBudget(budget_.addFrame(StageTimer::elapsedMs(begin)));
+    processor_->setFeatureBudget(
+        budget_.addFrame(StageTimer::elapsedMs(begin), frame.result.by_landmarks));
   }
 }
 

@@ -197,7 +197,7 @@ bool OfflineRun::step() {
 
 void OfflineRun::adaptBudget(double frame_ms) {
   const double before = budget_.budget();
-  if (budget_.addFrame(frame_ms) != before)
+  if (budget_.addFrame(frame_ms, result_.by_landmarks) != before)
     odometry_.setParameters(withFeatureBudget(parameters_, budget_.budget()));
 }
 
