@@ -44,11 +44,7 @@ struct MaskFacts {
 struct DoctorFacts {
   NodeParameters parameters;
   InputFacts input;
-  bool from_bag = false;
   std::vector<std::string> image_topics;  ///< available ones, if a topic is missing
-
-  /// True if use_sim_time is set and no /clock has been received.
-  bool clock_missing = false;
 
   std::array<std::optional<ImageFacts>, 2> images;  ///< left, right; nothing: none received
   std::optional<StereoCamera> camera;               ///< nothing: not known, or camera_info is bad
@@ -66,7 +62,6 @@ struct DoctorFacts {
   std::string camera_frame;  ///< of the left image's header
   std::optional<Eigen::Isometry3d> T_base_camera;
   std::string topmost_frame;  ///< that tf has the camera's frame below; itself if tf has none
-  bool odometry_runs = true;  ///< false: it is not known to publish on tf
   std::vector<TfParents::Source> other_parents;  ///< who else publishes what the odometry does
   std::string topmost_of_other;  ///< topmostFrame() of the parent in the first of these
 
@@ -78,7 +73,12 @@ struct DoctorFacts {
   std::optional<SourceFacts> imu_source;  ///< of a node; nothing: none, or not known yet
   std::optional<SourceFacts> wheels_source;
 
-  std::optional<double> frame_ms;  ///< median time for a frame on this computer
+  std::optional<double> frame_ms;  ///< mean time for a frame on this computer
+
+  bool from_bag = false;
+  /// True if use_sim_time is set and no /clock has been received.
+  bool clock_missing = false;
+  bool odometry_runs = true;  ///< false: it is not known to publish on tf
 };
 
 }  // namespace point_line_odometry
