@@ -106,16 +106,11 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   failed_windows = 0;  // the report of this frame has them
   if (parameters.motion.adapt_noise && history.map && measured)
     noise.update(tracked.motion.point_residuals, tracked.motion.line_residuals);
-  if (measured) repeated.learn(context.images, pose.isStationary());
   const bool replaces = shouldReplace(history, curr, tracked, context);
+  if (measured) repeated.learn(context.images, pose.isStationary());
   if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
-  landmark_frames = tracked.by_landmarks ? landmark_frames + 1 : 0;
-  if (!tracked.by_landmarks)
-    settled_frames =
-        measured && !tracked.relocalized ? std::min(settled_frames + 1, kSettledFrames) : 0;
-  landmark_motion.reset();
+  countFrame(tracked, measured);
   if (tracked.by_landmarks) {
-    landmark_motion = tracked.image_motion;
     const StageTimer timer(times, Stage::kUpdateMap);
     history.map->observe(context, tracked.landmark_matches, tracked.motion, threads);
     return;
@@ -133,10 +128,28 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   }
   if (!calibratesStereo(parameters)) return;
   const StageTimer timer(times, Stage::kRefine);
+  updateCalibration(tracked, vertical, parameters.motion.point_noise_px);
+}
+
+void OdometryState::countFrame(const TrackingResult& tracked, bool measured) {
+  landmark_motion.reset();
+  if (tracked.by_landmarks) {
+    landmark_motion = tracked.image_motion;
+    ++landmark_frames;
+    return;
+  }
+  landmark_frames = 0;
+  const bool settled = measured && !tracked.relocalized;
+  settled_frames = settled ? std::min(settled_frames + 1, kSettledFrames) : 0;
+}
+
+void OdometryState::updateCalibration(
+    const TrackingResult& tracked,
+    const std::vector<OnlineStereoCalibration::VerticalDisparity>& vertical, double noise_px) {
   if (tracked.calibration && !tracked.ambiguous)
     stereo_calibration.addMotion(*tracked.calibration, shareOfNew(history.map));
   if (tracked.reason != TrackingReason::kRepeatedImages)
-    stereo_calibration.addVerticalDisparities(vertical, parameters.motion.point_noise_px);
+    stereo_calibration.addVerticalDisparities(vertical, noise_px);
 }
 
 /// A frame whose own motion is not known leaves no velocity to the next one.

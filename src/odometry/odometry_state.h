@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <tuple>
+#include <vector>
 
 #include "motion/frame_intervals.h"
 #include "motion/noise_scale.h"
@@ -177,6 +178,10 @@ struct OdometryState {
   void locatePrevious(const FrameContext& context);
   void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
                      StereoFrame* curr);
+  void countFrame(const TrackingResult& tracked, bool measured);
+  void updateCalibration(const TrackingResult& tracked,
+                         const std::vector<OnlineStereoCalibration::VerticalDisparity>& vertical,
+                         double noise_px);
   bool spansGap(const FrameContext& context) const;
   void updatePrevious(StereoFrame curr, const FrameContext& context, const TrackingResult& tracked,
                       ThreadPool* threads);
