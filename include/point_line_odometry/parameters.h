@@ -319,8 +319,8 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
       "are of that size");
   visit("tracking/landmark_frames", p.tracking.landmark_frames, 0, 10, "",
         "most frames in a row that are tracked by landmarks alone, where these leave no doubt, "
-        "before "
-        "features are detected again: such a frame takes a fifth of the time; 0: none");
+        "before features are detected again: such a frame takes a fifth of the time, but motions "
+        "in a view that changes fast are less exact; 0: none, 1: every second one");
   visit("tracking/threads", p.tracking.threads, 1, 64, "",
         "threads that work on one frame; results do not depend on it");
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "common/statistics.h"

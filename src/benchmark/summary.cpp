@@ -7,7 +7,6 @@
 #include <iostream>
 #include <iterator>
 #include <memory>
-#include <numeric>
 #include <opencv2/core/types.hpp>
 #include <optional>
 #include <sstream>

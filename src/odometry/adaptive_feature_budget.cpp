@@ -39,11 +39,8 @@ double AdaptiveFeatureBudget::addFrame(double frame_ms, bool by_landmarks) {
   const auto sum_of_medians = [](const std::vector<double>& times_ms) {
     return static_cast<double>(times_ms.size()) * median(times_ms);
   };
-  const double median_ms =
-      by_landmarks_ms_.empty()
-          ? median(with_features_ms_)
-          : (sum_of_medians(with_features_ms_) + sum_of_medians(by_landmarks_ms_)) /
-                static_cast<double>(num_frames);
+  const double median_ms = (sum_of_medians(with_features_ms_) + sum_of_medians(by_landmarks_ms_)) /
+                           static_cast<double>(num_frames);
   with_features_ms_.clear();
   by_landmarks_ms_.clear();
   if (median_ms <= target_ms_ && median_ms >= kRoomBelow * target_ms_) return budget_;

@@ -82,7 +82,7 @@ class StereoOdometry::Impl {
 
  private:
   void process(const StereoImages& received, const FramePrior& prior, FrameResult* result);
-  std::optional<TrackedFrame> trackLandmarks(FrameContext context, const FramePrior& prior,
+  std::optional<TrackedFrame> trackLandmarks(const FrameContext& detecting, const FramePrior& prior,
                                              FrameResult* result);
   TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
                      FrameResult* result);
@@ -154,19 +154,20 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
 }
 
 /// Tracks the frame by landmarks alone, if that is in no doubt.
-std::optional<TrackedFrame> StereoOdometry::Impl::trackLandmarks(FrameContext context,
+std::optional<TrackedFrame> StereoOdometry::Impl::trackLandmarks(const FrameContext& detecting,
                                                                  const FramePrior& prior,
                                                                  FrameResult* result) {
-  if (!state.mayTrackLandmarks(context)) return std::nullopt;
+  if (!state.mayTrackLandmarks(detecting)) return std::nullopt;
   finishWindow(result);
+  FrameContext context = detecting;  // to which levels are added
   addLevels(&context, threads.get());
   const auto velocity = state.velocityFor(context);
   const FrameTracker tracker(state.history, velocity, prior, context, threads.get(),
                              &result->times);
   std::optional<TrackingResult> tracked = tracker.trackLandmarks();
   if (!tracked) return std::nullopt;
-  TrackedFrame frame{context, {}, *std::move(tracked)};
-  frame.frame.stamp_ns = context.images.stamp_ns;
+  TrackedFrame frame{std::move(context), {}, *std::move(tracked)};
+  frame.frame.stamp_ns = frame.context.images.stamp_ns;
   return frame;
 }
 
