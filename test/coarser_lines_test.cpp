@@ -116,8 +116,8 @@ TEST_F(CoarserLinesTest, AreWeightedByTheLevelsPixels) {
   const FrameContext context = contextOf(images);
   const LineSegment segment{{100.0F, 50.0F}, {100.0F, 150.0F}};
   const LineSegment at_level{{100.0F, 50.0F}, {100.0F, 100.0F}};
-  EXPECT_DOUBLE_EQ(lineSigma(context, segment, segment, 2.0),
-                   2.0 * lineSigma(context, at_level, at_level, 1.0));
+  EXPECT_DOUBLE_EQ(lineObservation(segment, segment, 2.0, context).sigma_px,
+                   2.0 * lineObservation(at_level, at_level, 1.0, context).sigma_px);
 }
 
 /// In a bright image without noise the edges have lines already.

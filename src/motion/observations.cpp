@@ -52,6 +52,19 @@ void toStamp(const FrameContext& context, LineObservation* line) {
   }
 }
 
+/// Standard deviation of a segment's end points along its normal [px]: the edge's deviation from a
+/// straight line, and the noise of its pixels, about one for each pixel of length. The end points
+/// of a line fitted to n samples of noise sigma have 2 sigma / sqrt(n). The shorter segment of a
+/// stereo pair decides. \param scale of the pyramid level in whose pixels all this is.
+double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right,
+                 double scale) {
+  const MotionParameters& motion = context.parameters.motion;
+  const double length_px = std::min(left.length(), right.length()) / scale;
+  const double by_parameters = std::hypot(
+      motion.line_noise_px, 2.0 * motion.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
+  return scale * std::sqrt(context.noise.line_variance) * by_parameters;
+}
+
 }  // namespace
 
 double levelScale(const Keypoint& keypoint, const Parameters& parameters) {
@@ -62,15 +75,6 @@ double pointSigma(const FrameContext& context, double alignment_noise_px, double
   const double by_parameters =
       std::hypot(scale * context.parameters.motion.point_noise_px, alignment_noise_px);
   return std::sqrt(context.noise.point_variance) * by_parameters;
-}
-
-double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right,
-                 double scale) {
-  const MotionParameters& motion = context.parameters.motion;
-  const double length_px = std::min(left.length(), right.length()) / scale;
-  const double by_parameters = std::hypot(
-      motion.line_noise_px, 2.0 * motion.edge_noise_px / std::sqrt(std::max(length_px, 1.0)));
-  return scale * std::sqrt(context.noise.line_variance) * by_parameters;
 }
 
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,

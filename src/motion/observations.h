@@ -21,19 +21,12 @@ double levelScale(const Keypoint& keypoint, const Parameters& parameters);
 /// was detected.
 double pointSigma(const FrameContext& context, double alignment_noise_px, double scale);
 
-/// Standard deviation of a segment's end points along its normal [px]: the edge's deviation from a
-/// straight line, and the noise of its pixels, about one for each pixel of length. The end points
-/// of a line fitted to n samples of noise sigma have 2 sigma / sqrt(n). The shorter segment of a
-/// stereo pair decides. \param scale of the pyramid level in whose pixels all this is.
-double lineSigma(const FrameContext& context, const LineSegment& left, const LineSegment& right,
-                 double scale);
-
 /// The observation of a point at its pixels in the two images, as of a calibrated camera at the
 /// stamp.
 PointObservation pointObservation(const Eigen::Vector2f& left_px, const Eigen::Vector2f& right_px,
                                   double sigma_px, const FrameContext& context);
 
-/// The same for a line at its segments. \param scale see lineSigma().
+/// The same for a line at its segments. \param scale of the pyramid level that they are of.
 LineObservation lineObservation(const LineSegment& left, const LineSegment& right, double scale,
                                 const FrameContext& context);
 

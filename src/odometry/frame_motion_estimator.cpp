@@ -63,9 +63,8 @@ MotionEstimate FrameMotionEstimator::estimateByImages(const Correspondences& mat
 ConstantVelocityMotion FrameMotionEstimator::atVelocity(const Eigen::Isometry3d& T_curr_prev,
                                                         const StereoFrame& earlier) const {
   const double dt_s = context_.secondsSince(earlier.stamp_ns);
-  const double unmeasured_s =
-      velocity_->since_previous ? context_.secondsSince(velocity_->stamp_ns) : dt_s;
-  return {T_curr_prev, dt_s * dt_s * velocity_->covariance, unmeasured_s};
+  return {T_curr_prev, dt_s * dt_s * velocity_->covariance,
+          unmeasuredTime(*velocity_, dt_s, context_)};
 }
 
 }  // namespace point_line_odometry

@@ -102,12 +102,11 @@ void observeLandmarks(const FrameContext& context, const TrackingResult& tracked
 /// Since the last frame, where that was tracked by landmarks, else since the previous one.
 std::optional<ImageMotion> imageMotionSinceLast(const OdometryState& state,
                                                 const TrackingResult& tracked) {
-  if (!tracked.image_motion || !state.landmark_motion) return tracked.image_motion;
-  const ImageMotion& last = *state.landmark_motion;
+  if (!tracked.image_motion || !state.landmark_frames.motion()) return tracked.image_motion;
+  const ImageMotion& last = *state.landmark_frames.motion();
   const ImageMotion& curr = *tracked.image_motion;
-  const Matrix6d to_last = blockRotation(last.T_prev_curr.linear().transpose());
   return ImageMotion{*state.stamp_ns, last.T_prev_curr.inverse() * curr.T_prev_curr,
-                     to_last * (last.covariance + curr.covariance) * to_last.transpose()};
+                     covarianceBetween(last.T_prev_curr, last.covariance, curr.covariance)};
 }
 
 /// The features of the frame for display: matched ones with their positions, and the others.

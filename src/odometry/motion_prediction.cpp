@@ -35,6 +35,10 @@ bool isCurrent(const std::optional<CameraVelocity>& velocity) {
   return velocity && velocity->is_current;
 }
 
+double unmeasuredTime(const CameraVelocity& velocity, double dt_s, const FrameContext& context) {
+  return velocity.since_previous ? context.secondsSince(velocity.stamp_ns) : dt_s;
+}
+
 PredictedMotion expectedMotion(const std::optional<CameraVelocity>& velocity, double dt_s,
                                double unmeasured_s, const TrackingParameters& limits) {
   if (!velocity) return motionByLimits(dt_s, limits, nullptr);
@@ -70,8 +74,7 @@ MotionPrediction predictMotion(const std::optional<CameraVelocity>& velocity,
       predictStep(velocity, dt_s, dt_s, parameters.tracking, prior).T_prev_curr.inverse();
   if (!isCurrent(velocity))
     return {T_curr_prev, parameters.matching.search_radius_without_velocity_px};
-  const double unmeasured_s =
-      velocity->since_previous ? context.secondsSince(velocity->stamp_ns) : dt_s;
+  const double unmeasured_s = unmeasuredTime(*velocity, dt_s, context);
   const double widening = std::clamp(unmeasured_s / velocity->measured_over_s, 1.0, kMaxWidening);
   return {T_curr_prev, widening * parameters.matching.search_radius_px};
 }

@@ -16,6 +16,10 @@ Matrix6d covarianceByLimits(double dt_s, const TrackingParameters& limits);
 
 bool isCurrent(const std::optional<CameraVelocity>& velocity);
 
+/// For how long a current velocity, used for the motion since an earlier frame, has not been
+/// measured [s]. \param dt_s since that frame.
+double unmeasuredTime(const CameraVelocity& velocity, double dt_s, const FrameContext& context);
+
 /// Motion over a time at the last velocity. Where it is not current, it is fused with the limits of
 /// the camera's speed, which count the more the older it is; without one they are all that is
 /// known. \param unmeasured_s since the velocity was measured, if it is not current.

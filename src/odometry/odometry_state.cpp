@@ -16,15 +16,6 @@
 namespace point_line_odometry {
 namespace {
 
-// Frames with features and a motion before one is tracked by landmarks alone: at the beginning and
-// after any doubt the map has few landmarks.
-constexpr int kSettledFrames = 5;
-
-// Largest share of new ones that is expected among the landmarks which the next frame with features
-// will observe, for one without before it: where the view changes faster, as at every 2nd frame of
-// a car, landmarks are seen too seldom as it is.
-constexpr double kMostNew = 0.6;
-
 /// Whether frame k-2 will be needed, for the fusion of rotations.
 bool fusesRotation(const Parameters& parameters) {
   const std::string& when = parameters.motion.fuse_rotation;
@@ -109,7 +100,9 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   const bool replaces = shouldReplace(history, curr, tracked, context);
   if (measured) repeated.learn(context.images, pose.isStationary());
   if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
-  countFrame(tracked, measured);
+  std::optional<double> span_s;
+  if (replaces) span_s = history.previous ? context.secondsSince(history.previous->stamp_ns) : 0.0;
+  landmark_frames.add(tracked, measured, span_s);
   if (tracked.by_landmarks) {
     const StageTimer timer(times, Stage::kUpdateMap);
     history.map->observe(context, tracked.landmark_matches, tracked.motion, threads);
@@ -129,18 +122,6 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   if (!calibratesStereo(parameters)) return;
   const StageTimer timer(times, Stage::kRefine);
   updateCalibration(tracked, vertical, parameters.motion.point_noise_px);
-}
-
-void OdometryState::countFrame(const TrackingResult& tracked, bool measured) {
-  landmark_motion.reset();
-  if (tracked.by_landmarks) {
-    landmark_motion = tracked.image_motion;
-    ++landmark_frames;
-    return;
-  }
-  landmark_frames = 0;
-  const bool settled = measured && !tracked.relocalized;
-  settled_frames = settled ? std::min(settled_frames + 1, kSettledFrames) : 0;
 }
 
 void OdometryState::updateCalibration(
@@ -166,8 +147,6 @@ void OdometryState::updateShutter(const TrackingResult& tracked, bool is_known,
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,
                                    const TrackingResult& tracked, ThreadPool* threads) {
   history.before_previous.reset();
-  previous_span_s =
-      context.secondsSince(history.previous ? history.previous->stamp_ns : curr.stamp_ns);
   const bool unknown = tracked.reason != TrackingReason::kNone;
   const bool other_place = tracked.ambiguous && spansGap(context);
   if (unknown || other_place) {
@@ -217,8 +196,7 @@ std::optional<CameraVelocity> OdometryState::velocityFor(const FrameContext& con
 
 bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
   const TrackingParameters& parameters = context.parameters.tracking;
-  if (landmark_frames >= parameters.landmark_frames || settled_frames < kSettledFrames ||
-      tracking != TrackingState::kOk || !history.previous || !history.map ||
+  if (tracking != TrackingState::kOk || !history.previous || !history.map ||
       parameters.rolling_shutter_ms != 0.0)
     return false;
   if (calibratesStereo(context.parameters) &&
@@ -227,9 +205,7 @@ bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
     return false;
   // The next frame is matched with the previous one if features are detected in that.
   const double next_s = context.secondsSince(history.previous->stamp_ns) + sinceLast(context);
-  if (next_s > std::min(parameters.max_frame_gap_s, parameters.max_prediction_s) ||
-      history.map->shareOfNew() * next_s > kMostNew * previous_span_s)
-    return false;
+  if (!landmark_frames.mayFollow(*history.map, next_s, parameters)) return false;
   const auto velocity = velocityFor(context);
   return isCurrent(velocity) && velocity->stamp_ns == *stamp_ns;
 }
@@ -259,7 +235,7 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
-  landmark_motion.reset();
+  landmark_frames.forgetMotion();
   tracking = pose.predict(intervals.between(*stamp_ns, curr_stamp_ns), parameters, prior.ofStep());
   noteStamp(curr_stamp_ns);
 }
@@ -399,14 +375,14 @@ void OdometryState::followCorrection(const FrameContext& context) {
 }
 
 void OdometryState::returnToLostMap() {
-  landmark_motion.reset();
+  landmark_frames.forgetMotion();
   history = std::move(lost->history);
   pose.returnTo(lost->anchor);
   lost.reset();
 }
 
 void OdometryState::restartTracking() {
-  landmark_motion.reset();
+  landmark_frames.forgetMotion();
   history = FrameHistory();
   lost.reset();
 }
@@ -426,7 +402,7 @@ void OdometryState::restartMap(const Parameters& parameters) {
 }
 
 void OdometryState::startMap(const Parameters& parameters) {
-  settled_frames = 0;
+  landmark_frames.startMap();
   history.map.reset();
   if (parameters.window.size > 0) history.map.emplace();
   pose.startMap();

@@ -11,6 +11,7 @@
 #include "motion/online_stereo_calibration.h"
 #include "odometry/coarser_points.h"
 #include "odometry/frame_shutter.h"
+#include "odometry/landmark_frames.h"
 #include "odometry/odometry_pose.h"
 #include "odometry/prior_chain.h"
 #include "odometry/repeated_images.h"
@@ -61,11 +62,8 @@ struct OdometryState {
   PriorChain priors;
   RestingFeatures resting;  ///< on the robot's own body
   RepeatedImages repeated;
-  int settled_frames = 0;  ///< with features and a motion, since the last one without; up to a few
-  double previous_span_s = 0.0;  ///< time between the previous frame and the one before it [s]
-  int landmark_frames = 0;       ///< in a row, since the previous frame, tracked by landmarks alone
-  std::optional<ImageMotion> landmark_motion;  ///< of the last of them, since the previous frame
-  int failed_windows = 0;                      ///< not yet reported by a frame
+  LandmarkFrames landmark_frames;
+  int failed_windows = 0;  ///< not yet reported by a frame
 
   /// Before the first frame. \param camera of the images as they are processed.
   explicit OdometryState(const StereoCamera& camera,
@@ -165,12 +163,10 @@ struct OdometryState {
   auto state() {
     auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
            calibration, shutter_of_this, noise_of_this, priors_of_this, resting_of_this,
-           repeated_of_this, settled, span_s, num_landmark_frames, motion_by_landmarks, failed] =
-        *this;
+           repeated_of_this, by_landmarks, failed] = *this;
     return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
                     pose_of_this, calibration, shutter_of_this, noise_of_this, priors_of_this,
-                    resting_of_this, repeated_of_this, settled, span_s, num_landmark_frames,
-                    motion_by_landmarks, failed);
+                    resting_of_this, repeated_of_this, by_landmarks, failed);
   }
 
  private:
@@ -178,7 +174,6 @@ struct OdometryState {
   void locatePrevious(const FrameContext& context);
   void updateShutter(const TrackingResult& tracked, bool is_known, const FrameContext& context,
                      StereoFrame* curr);
-  void countFrame(const TrackingResult& tracked, bool measured);
   void updateCalibration(const TrackingResult& tracked,
                          const std::vector<OnlineStereoCalibration::VerticalDisparity>& vertical,
                          double noise_px);

@@ -85,9 +85,8 @@ void PoseIntegrator::setVelocity(const MotionStep& step, double dt_s, double las
   double over_s = dt_s;
   if (velocity_ && velocity_->since_previous && predicted_s_ == 0.0) {
     const MotionSincePrevious& last = *velocity_->since_previous;
-    const Matrix6d to_last = blockRotation(last.T_previous_camera.linear().transpose());
     T_begin_camera = last.T_previous_camera.inverse() * step.T_measured;
-    covariance = to_last * (step.covariance + last.covariance) * to_last.transpose();
+    covariance = covarianceBetween(last.T_previous_camera, last.covariance, step.covariance);
     over_s = last_s;
   }
   const Eigen::Vector3d translation = T_begin_camera.translation();

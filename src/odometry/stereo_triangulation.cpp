@@ -100,16 +100,6 @@ bool triangulate(const StereoFrame& frame, const FrameContext& context, StereoPo
   return true;
 }
 
-/// The same for a line, of which the position may be missing.
-std::optional<TriangulatedLine> triangulate(const DetectedFeatures& features,
-                                            const StereoLine& line, const FrameContext& context) {
-  const LineObservation seen = lineObservation(features, line, context);
-  const LineSegment left{seen.left_start_px.cast<float>(), seen.left_end_px.cast<float>()};
-  const LineSegment right{seen.right_start_px.cast<float>(), seen.right_end_px.cast<float>()};
-  const double sigma_px = lineSigma(context, left, right, features.lines_left[line.left].scale);
-  return triangulateLine(context.camera, left, right, sigma_px, lineLimits(context.parameters));
-}
-
 }  // namespace
 
 void triangulatePoints(const std::vector<IndexPair>& matches, const FrameContext& context,
@@ -130,7 +120,8 @@ void triangulateLines(const std::vector<IndexPair>& matches, const FrameContext&
                       StereoFrame* frame) {
   for (const IndexPair& match : matches) {
     StereoLine line{match.first, match.second, std::nullopt};
-    line.triangulated = triangulate(frame->features, line, context);
+    line.triangulated =
+        triangulateObservation(lineObservation(frame->features, line, context), context);
     frame->lines.push_back(line);
   }
 }
@@ -163,7 +154,8 @@ void triangulateAgain(const FrameContext& context, StereoFrame* frame) {
     *points = std::move(located);
   }
   for (StereoLine& line : frame->lines)
-    line.triangulated = triangulate(frame->features, line, context);
+    line.triangulated =
+        triangulateObservation(lineObservation(frame->features, line, context), context);
 }
 
 }  // namespace point_line_odometry

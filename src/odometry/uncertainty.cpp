@@ -46,6 +46,12 @@ Matrix6d predictionCovariance(const Vector6d& velocity, bool speed_known, double
   return covariance;
 }
 
+Matrix6d covarianceBetween(const Eigen::Isometry3d& T_begin_last, const Matrix6d& last,
+                           const Matrix6d& curr) {
+  const Matrix6d to_last = blockRotation(T_begin_last.linear().transpose());
+  return to_last * (last + curr) * to_last.transpose();
+}
+
 PredictedMotion predictedMotion(const Vector6d& velocity, const Matrix6d& covariance, double dt_s,
                                 const MotionPrior* prior) {
   if (prior == nullptr) return {motionAtVelocity(velocity, dt_s), covariance};

@@ -20,6 +20,12 @@ Vector6d velocityOfMotion(const Eigen::Isometry3d& T_prev_curr, double dt_s);
 Matrix6d predictionCovariance(const Vector6d& velocity, bool speed_known, double dt_s,
                               double unmeasured_s);
 
+/// Covariance of the motion between the ends of two motions from the same camera, T_begin_last and
+/// another, along and about the axes of the camera at the end of the first. \param last, curr of
+/// both, independent of each other, along and about the axes of the camera that they are from.
+Matrix6d covarianceBetween(const Eigen::Isometry3d& T_begin_last, const Matrix6d& last,
+                           const Matrix6d& curr);
+
 /// A motion that is expected before images are compared.
 struct PredictedMotion {
   Eigen::Isometry3d T_prev_curr = Eigen::Isometry3d::Identity();
