@@ -23,7 +23,8 @@ Computer computer(double fixed_ms, double features_ms) {
 /// The budgets after each of the next frames.
 std::vector<double> run(const Computer& frame_ms, int frames, AdaptiveFeatureBudget* budget) {
   std::vector<double> budgets;
-  for (int k = 0; k < frames; ++k) budgets.push_back(budget->addFrame(frame_ms(budget->budget())));
+  for (int k = 0; k < frames; ++k)
+    budgets.push_back(budget->addFrame(frame_ms(budget->budget().share)).share);
   return budgets;
 }
 
@@ -42,8 +43,8 @@ TEST(AdaptiveFeatureBudget, ReachesTheTarget) {
   const Computer slow = computer(10.0, 60.0);
   AdaptiveFeatureBudget budget(40.0);
   run(slow, 30, &budget);
-  EXPECT_LE(slow(budget.budget()), 40.0);
-  EXPECT_GE(slow(budget.budget()), 0.9 * 40.0) << "no lower than necessary";
+  EXPECT_LE(slow(budget.budget().share), 40.0);
+  EXPECT_GE(slow(budget.budget().share), 0.9 * 40.0) << "no lower than necessary";
 }
 
 TEST(AdaptiveFeatureBudget, DoesNotOscillateAroundTheTarget) {
@@ -72,25 +73,53 @@ TEST(AdaptiveFeatureBudget, IgnoresNoiseOfTheTimes) {
   EXPECT_LT(over, 20) << "of 1000 frames";
 }
 
-TEST(AdaptiveFeatureBudget, HoldsTheMeanWithFramesByLandmarks) {
-  for (const int period : {2, 3}) {
-    AdaptiveFeatureBudget budget(20.0);
-    const auto detected_ms = [](double share) { return 10.0 + 60.0 * share; };
-    for (int k = 0; k < 100; ++k) {
-      const bool by_landmarks = k % period > 0;
-      budget.addFrame(by_landmarks ? 8.0 : detected_ms(budget.budget()), by_landmarks);
-    }
-    const double mean_ms = (detected_ms(budget.budget()) + 8.0 * (period - 1)) / period;
-    EXPECT_LE(mean_ms, 20.0) << period;
-    EXPECT_GE(mean_ms, 0.8 * 20.0) << period;
+/// A computer whose every second frame, where it may be one, is tracked by landmarks; the last
+/// budget after some frames.
+FeatureBudget runWithLandmarkFrames(double with_features_ms, int frames,
+                                    AdaptiveFeatureBudget* budget) {
+  bool by_landmarks = false;
+  for (int k = 0; k < frames; ++k) {
+    by_landmarks = !by_landmarks && budget->budget().landmark_frames;
+    const double features_ms = 10.0 + (with_features_ms - 10.0) * budget->budget().share;
+    budget->addFrame(by_landmarks ? 8.0 : features_ms, by_landmarks);
   }
+  return budget->budget();
+}
+
+TEST(AdaptiveFeatureBudget, LandmarkFramesComeBeforeFewerFeatures) {
+  AdaptiveFeatureBudget budget(40.0);
+  EXPECT_EQ(runWithLandmarkFrames(60.0, 100, &budget), (FeatureBudget{1.0, true}));
+  EXPECT_EQ(runWithLandmarkFrames(38.0, 100, &budget), (FeatureBudget{1.0, true}))
+      << "all frames with features would take nearly the target";
+  EXPECT_EQ(runWithLandmarkFrames(30.0, 100, &budget), FeatureBudget());
+}
+
+TEST(AdaptiveFeatureBudget, FewerFeaturesHoldTheMeanWithLandmarkFrames) {
+  AdaptiveFeatureBudget budget(20.0);
+  const FeatureBudget used = runWithLandmarkFrames(70.0, 100, &budget);
+  EXPECT_TRUE(used.landmark_frames);
+  const double mean_ms = 0.5 * (10.0 + 60.0 * used.share + 8.0);
+  EXPECT_LE(mean_ms, 20.0);
+  EXPECT_GE(mean_ms, 0.9 * 20.0);
+}
+
+TEST(AdaptiveFeatureBudget, HoldsTheMeanOfTwoFramesOfThreeByLandmarks) {
+  AdaptiveFeatureBudget budget(20.0);
+  const auto detected_ms = [](double share) { return 10.0 + 60.0 * share; };
+  for (int k = 0; k < 100; ++k) {
+    const bool by_landmarks = k % 3 > 0;
+    budget.addFrame(by_landmarks ? 8.0 : detected_ms(budget.budget().share), by_landmarks);
+  }
+  const double mean_ms = (detected_ms(budget.budget().share) + 2.0 * 8.0) / 3.0;
+  EXPECT_LE(mean_ms, 20.0);
+  EXPECT_GE(mean_ms, 0.8 * 20.0);
 }
 
 TEST(AdaptiveFeatureBudget, OneSlowFrameChangesNothing) {
   AdaptiveFeatureBudget budget(40.0);
   for (int k = 0; k < 100; ++k)
     EXPECT_EQ(budget.addFrame(k % AdaptiveFeatureBudget::kFramesPerDecision == 2 ? 500.0 : 30.0),
-              1.0);
+              FeatureBudget());
 }
 
 TEST(AdaptiveFeatureBudget, RespondsToAnOverloadWithinASecondOfFrames) {
@@ -98,13 +127,13 @@ TEST(AdaptiveFeatureBudget, RespondsToAnOverloadWithinASecondOfFrames) {
   run(computer(5.0, 30.0), 50, &budget);
   const Computer overloaded = computer(15.0, 90.0);
   run(overloaded, 20, &budget);
-  EXPECT_LE(overloaded(budget.budget()), 40.0);
+  EXPECT_LE(overloaded(budget.budget().share), 40.0);
 }
 
 TEST(AdaptiveFeatureBudget, RecoversAfterAnOverload) {
   AdaptiveFeatureBudget budget(40.0);
   run(computer(10.0, 500.0), 50, &budget);
-  EXPECT_EQ(budget.budget(), AdaptiveFeatureBudget::kMinBudget);
+  EXPECT_EQ(budget.budget().share, AdaptiveFeatureBudget::kMinShare);
   const std::vector<double> budgets = run(computer(5.0, 20.0), 200, &budget);
   EXPECT_EQ(budgets.back(), 1.0);
   for (std::size_t i = 1; i < budgets.size(); ++i)
@@ -114,10 +143,10 @@ TEST(AdaptiveFeatureBudget, RecoversAfterAnOverload) {
 TEST(AdaptiveFeatureBudget, NeverFallsBelowTheMinimum) {
   AdaptiveFeatureBudget budget(1.0);
   for (const double budget : run(computer(1000.0, 1000.0), 500, &budget)) {
-    EXPECT_GE(budget, AdaptiveFeatureBudget::kMinBudget);
+    EXPECT_GE(budget, AdaptiveFeatureBudget::kMinShare);
     EXPECT_LE(budget, 1.0);
   }
-  EXPECT_EQ(budget.budget(), AdaptiveFeatureBudget::kMinBudget);
+  EXPECT_EQ(budget.budget().share, AdaptiveFeatureBudget::kMinShare);
 }
 
 TEST(AdaptiveFeatureBudget, ZeroDisablesIt) {
@@ -128,9 +157,9 @@ TEST(AdaptiveFeatureBudget, ZeroDisablesIt) {
 TEST(AdaptiveFeatureBudget, IgnoresInvalidTimes) {
   AdaptiveFeatureBudget budget(40.0);
   for (int k = 0; k < 100; ++k) {
-    EXPECT_EQ(budget.addFrame(std::nan("")), 1.0);
-    EXPECT_EQ(budget.addFrame(std::numeric_limits<double>::infinity()), 1.0);
-    EXPECT_EQ(budget.addFrame(-100.0), 1.0);
+    EXPECT_EQ(budget.addFrame(std::nan("")), FeatureBudget());
+    EXPECT_EQ(budget.addFrame(std::numeric_limits<double>::infinity()), FeatureBudget());
+    EXPECT_EQ(budget.addFrame(-100.0), FeatureBudget());
   }
   EXPECT_THROW(AdaptiveFeatureBudget(-1.0), std::invalid_argument);
   EXPECT_THROW(AdaptiveFeatureBudget(std::nan("")), std::invalid_argument);
@@ -141,14 +170,21 @@ TEST(WithFeatureBudget, ScalesTheNumbersOfFeaturesAndTheWeakestEdge) {
   parameters.points.max_per_cell = 20;
   parameters.lines.max_count = 300;
   parameters.lines.min_gradient = 5.0;
-  const ParameterTexts changed = changedParameters(parameters, withFeatureBudget(parameters, 0.25));
+  const ParameterTexts changed =
+      changedParameters(parameters, withFeatureBudget(parameters, {0.25, false}));
   const ParameterTexts expected{
       {"points/max_per_cell", "5"}, {"lines/max_count", "75"}, {"lines/min_gradient", "20"}};
   EXPECT_EQ(changed, expected);
-  EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, 1.0)).empty());
-  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, 1e-6)).empty()) << "at least one";
+  EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, {})).empty());
+  parameters.tracking.landmark_frames = 2;
+  EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, {1.0, true})).empty());
+  parameters.tracking.landmark_frames = 0;
+  EXPECT_EQ(withFeatureBudget(parameters, {1.0, true}).tracking.landmark_frames, 1);
+  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, {1e-6, true})).empty())
+      << "at least one";
   parameters.lines.min_gradient = 200.0;
-  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, 0.2)).empty()) << "at most the largest";
+  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, {0.2, true})).empty())
+      << "at most the largest";
 }
 
 }  // namespace

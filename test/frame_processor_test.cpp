@@ -459,19 +459,21 @@ TEST(FrameProcessor, FeatureBudgetIsAShareOfTheParametersWithoutAReset) {
   });
   EXPECT_EQ(processor.process(makeMessages(1.0), mounting()).feature_budget, 1.0);
   EXPECT_EQ(used.lines.max_count, 300);
-  processor.setFeatureBudget(0.5);
+  processor.setFeatureBudget({0.5, true});
   EXPECT_EQ(processor.process(makeMessages(1.1), mounting()).feature_budget, 0.5);
   EXPECT_EQ(used.lines.max_count, 150);
   EXPECT_EQ(used.points.max_per_cell, 10);
+  EXPECT_EQ(used.tracking.landmark_frames, 1);
   EXPECT_TRUE(continues);
   Parameters core;
   core.lines.max_count = 100;
   processor.setParameters(core);
   processor.process(makeMessages(1.2), mounting());
   EXPECT_EQ(used.lines.max_count, 50) << "other parameters do not reset the budget";
-  processor.setFeatureBudget(1.0);
+  processor.setFeatureBudget({});
   processor.process(makeMessages(1.3), mounting());
   EXPECT_EQ(used.lines.max_count, 100);
+  EXPECT_EQ(used.tracking.landmark_frames, 0);
 }
 
 TEST(FrameProcessor, InvertsTheRectifyingRotation) {

@@ -61,14 +61,18 @@ class OfflineOdometryTest(ToolTest):
 
     def test_target_frame_time_lowers_the_budget(self):
         source = "synthetic:corridor,frames=12"
-        budgets = []
+        budgets, without_features = [], []
         for target_ms in (0, 0.01, 10000):
             output = self.offline(source, f"to_{target_ms}", "--target-frame-time", target_ms)
             with open(os.path.join(output, "frames.csv")) as file:
-                budgets.append([float(row["feature_budget"]) for row in csv.DictReader(file)])
+                rows = list(csv.DictReader(file))
+            budgets.append([float(row["feature_budget"]) for row in rows])
+            without_features.append([i for i, row in enumerate(rows) if row["points_left"] == "0"])
         self.assertEqual(budgets[0], [1.0] * 12)
-        self.assertEqual(budgets[1], [1.0] * 5 + [0.5] * 5 + [0.25] * 2)
+        # Of both kinds of frames in turns as many of each count.
+        self.assertEqual(budgets[1], [1.0] * 5 + [0.5] * 6 + [0.25])
         self.assertEqual(budgets[2], [1.0] * 12)
+        self.assertEqual(without_features, [[], [6, 8, 10], []])
         self.refuse("--target-frame-time", "offline_odometry", source, "-o", self.path("out"),
                     "--target-frame-time", "-1")
 

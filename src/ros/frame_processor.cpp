@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-#include "odometry/adaptive_feature_budget.h"
 #include "ros/calibration_conversion.h"
 #include "ros/conversions.h"
 #include "ros/image_conversion.h"
@@ -53,7 +52,7 @@ ProcessedFrame FrameProcessor::process(const StereoMessages& messages,
   frame.left_mask = images.left_mask;
   frame.left_message = messages.left;
   frame.camera = calibration_->camera;
-  frame.feature_budget = feature_budget_;
+  frame.feature_budget = feature_budget_.share;
   frame.T_base_camera = T_base_camera_;
   frame.T_header_camera = calibration_->T_header_camera();
   if (observe_start_) observe_start_({*odometry_, continues_, T_odom_base_});
@@ -94,9 +93,9 @@ void FrameProcessor::observeStarts(std::function<void(const FrameStart&)> observ
   observe_start_ = std::move(observe);
 }
 
-void FrameProcessor::setFeatureBudget(double share) {
-  if (share == feature_budget_) return;
-  feature_budget_ = share;
+void FrameProcessor::setFeatureBudget(const FeatureBudget& budget) {
+  if (budget == feature_budget_) return;
+  feature_budget_ = budget;
   if (odometry_) odometry_->setParameters(budgetedParameters());
 }
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "dataset/mask_file.h"
+#include "odometry/adaptive_feature_budget.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/rectification.h"
 #include "point_line_odometry/stereo_odometry.h"
@@ -73,8 +74,8 @@ class FrameProcessor {
   /// `observe` is called before each frame that the odometry processes.
   void observeStarts(std::function<void(const FrameStart&)> observe);
 
-  /// Uses this share of the numbers of features in the parameters from the next frame on.
-  void setFeatureBudget(double share);
+  /// Uses the parameters with this budget from the next frame on.
+  void setFeatureBudget(const FeatureBudget& budget);
 
   /// True if the last call of process() reset the odometry as the clock had jumped back.
   bool wasReset() const { return was_reset_; }
@@ -114,7 +115,7 @@ class FrameProcessor {
   bool was_reset_ = false;
   bool continues_ = false;  // as in FrameStart
   std::function<void(const FrameStart&)> observe_start_;
-  double feature_budget_ = 1.0;
+  FeatureBudget feature_budget_;
 };
 
 }  // namespace point_line_odometry

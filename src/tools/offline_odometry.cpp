@@ -289,7 +289,8 @@ po::options_description describeOdometry(Options* options) {
   // clang-format off
   description.add_options()
       ("target-frame-time", po::value(&options->target_ms)->value_name("MS"),
-       "use fewer features while a frame takes longer, as the node with target_frame_time_ms;\n"
+       "track every second frame by landmarks alone and use fewer features while frames take\n"
+       "longer on the mean, as the node with target_frame_time_ms;\n"
        "the result then depends on the computer");
   // clang-format on
   return description;

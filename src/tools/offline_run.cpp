@@ -186,7 +186,7 @@ bool OfflineRun::step() {
                    result_.times,
                    decode_ms,
                    rectify_ms,
-                   budget_.budget(),
+                   budget_.budget().share,
                    uncertaintyOfInputCamera(result_),
                    result_.prior});
   point_residuals_.add(result_.point_residuals);
@@ -196,7 +196,7 @@ bool OfflineRun::step() {
 }
 
 void OfflineRun::adaptBudget(double frame_ms) {
-  const double before = budget_.budget();
+  const FeatureBudget before = budget_.budget();
   if (budget_.addFrame(frame_ms, result_.by_landmarks) != before)
     odometry_.setParameters(withFeatureBudget(parameters_, budget_.budget()));
 }
