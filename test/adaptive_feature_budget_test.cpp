@@ -73,6 +73,8 @@ TEST(AdaptiveFeatureBudget, IgnoresNoiseOfTheTimes) {
   EXPECT_LT(over, 20) << "of 1000 frames";
 }
 
+// --- Frames that are tracked by landmarks: above there are none, though they may be
+
 /// A computer whose every second frame, where it may be one, is tracked by landmarks; the last
 /// budget after some frames.
 FeatureBudget runWithLandmarkFrames(double with_features_ms, int frames,
@@ -92,6 +94,44 @@ TEST(AdaptiveFeatureBudget, LandmarkFramesComeBeforeFewerFeatures) {
   EXPECT_EQ(runWithLandmarkFrames(38.0, 100, &budget), (FeatureBudget{1.0, true}))
       << "all frames with features would take nearly the target";
   EXPECT_EQ(runWithLandmarkFrames(30.0, 100, &budget), FeatureBudget());
+  const FeatureBudget used = runWithLandmarkFrames(44.0, 100, &budget);
+  EXPECT_FALSE(used.landmark_frames) << "a few features less suffice";
+  EXPECT_GT(used.share, 0.7);
+}
+
+/// Frames with features may take longer where all have them.
+TEST(AdaptiveFeatureBudget, DoesNotOscillateBetweenFramesOfBothKindsAndOfOne) {
+  for (const double with_features_ms : {34.0, 38.0, 42.0, 50.0, 60.0}) {
+    AdaptiveFeatureBudget budget(40.0);
+    bool by_landmarks = false;
+    bool may_be = false;
+    int changes = 0;
+    for (int k = 0; k < 400; ++k) {
+      by_landmarks = !by_landmarks && budget.budget().landmark_frames;
+      const double slower = budget.budget().landmark_frames ? 1.0 : 1.15;
+      const double features_ms = slower * with_features_ms * budget.budget().share;
+      budget.addFrame(by_landmarks ? 8.0 : features_ms, by_landmarks);
+      changes += budget.budget().landmark_frames != may_be ? 1 : 0;
+      may_be = budget.budget().landmark_frames;
+    }
+    EXPECT_LE(changes, 1) << with_features_ms;
+  }
+}
+
+TEST(AdaptiveFeatureBudget, OneSlowFrameOfEitherKindChangesNothing) {
+  for (const int slow : {4, 5, 6, 7}) {
+    AdaptiveFeatureBudget budget(40.0);
+    for (int k = 0; k < 60; ++k)
+      EXPECT_EQ(budget.addFrame(k == 30 + slow ? 500.0 : k % 2 == 1 ? 8.0 : 70.0, k % 2 == 1),
+                FeatureBudget());
+  }
+}
+
+/// Those that are so by the parameters are no gain.
+TEST(AdaptiveFeatureBudget, FramesByLandmarksAreCountedOnce) {
+  AdaptiveFeatureBudget budget(20.0);
+  for (int k = 0; k < 6; ++k) budget.addFrame(k % 2 == 1 ? 8.0 : 70.0, k % 2 == 1);
+  EXPECT_LT(budget.budget().share, 0.6);
 }
 
 TEST(AdaptiveFeatureBudget, FewerFeaturesHoldTheMeanWithLandmarkFrames) {
@@ -135,7 +175,7 @@ TEST(AdaptiveFeatureBudget, RecoversAfterAnOverload) {
   run(computer(10.0, 500.0), 50, &budget);
   EXPECT_EQ(budget.budget().share, AdaptiveFeatureBudget::kMinShare);
   const std::vector<double> budgets = run(computer(5.0, 20.0), 200, &budget);
-  EXPECT_EQ(budgets.back(), 1.0);
+  EXPECT_EQ(budget.budget(), FeatureBudget());
   for (std::size_t i = 1; i < budgets.size(); ++i)
     EXPECT_LE(budgets[i], 1.2501 * budgets[i - 1]) << "in small steps";
 }

@@ -37,6 +37,22 @@ Vector6d sample(const Matrix6d& covariance, synthetic::Random* random) {
   return Eigen::LLT<Matrix6d>(covariance).matrixL() * white;
 }
 
+/// Along the axes of the camera in between: here turned by a quarter about its optical axis.
+TEST(CovarianceBetween, IsOfBothMotionsInTheAxesInBetween) {
+  Eigen::Isometry3d T_begin_last = Eigen::Isometry3d::Identity();
+  T_begin_last.linear() =
+      Eigen::AngleAxisd(0.5 * M_PI, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  T_begin_last.translation() << 1.0, 2.0, 3.0;
+  Vector6d last;
+  last << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;
+  Vector6d curr;
+  curr << 10.0, 20.0, 30.0, 40.0, 50.0, 60.0;
+  Vector6d expected;
+  expected << 22.0, 11.0, 33.0, 55.0, 44.0, 66.0;
+  const Matrix6d between = covarianceBetween(T_begin_last, last.asDiagonal(), curr.asDiagonal());
+  EXPECT_TRUE(between.isApprox(Matrix6d(expected.asDiagonal()), 1e-9));
+}
+
 TEST(ComposeCovariance, NoUncertaintyStaysNone) {
   const Isometry3d T = synthetic::motion();
   EXPECT_EQ(composeCovariance(T, Matrix6d::Zero(), T, Matrix6d::Zero()), Matrix6d::Zero());

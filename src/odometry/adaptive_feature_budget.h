@@ -19,28 +19,28 @@ bool operator!=(const FeatureBudget& a, const FeatureBudget& b);
 /// Controls the feature budget so that frames take as long as a target, or less at the full budget.
 /// Decides once in a few frames by the median of their times (of those with features and of those
 /// tracked by landmarks alone by the mean of both medians, weighted by their numbers), so that a
-/// single slow frame changes nothing. Above the target every second frame may be tracked by
-/// landmarks alone, which costs less exactness than the features; what is still above it, or below
-/// 0.9 of it, multiplies the share of features by 0.95 of the target over it, at least by 0.5 and
-/// at most by 1.25. All frames have features again where those with all of them take 0.9 of the
-/// target. Reads no clock.
+/// single slow frame changes nothing: while that is above the target or below 0.9 of it, the share
+/// of features is multiplied by 0.95 of the target over it, at least by 0.5 and at most by 1.25.
+/// Before the share falls below 0.7, every second frame may be tracked by landmarks alone, until
+/// frames with all features take less than 0.9 of the target. Reads no clock.
 class AdaptiveFeatureBudget {
  public:
   static constexpr double kMinShare = 0.2;  ///< fewer features do not make a frame much cheaper
   static constexpr std::size_t kFramesPerDecision = 5;
 
-  /// \param target_ms time that a frame may take; 0: the budget stays 1. Throws
+  /// \param target_ms time that a frame may take; 0: the budget stays whole. Throws
   /// std::invalid_argument if it is negative or not finite.
   explicit AdaptiveFeatureBudget(double target_ms);
 
   /// Adds the time of a frame that was processed with the present budget. Returns the budget for
   /// the next one, its share kMinShare ... 1. Times that are negative or not finite are ignored.
-  const FeatureBudget& addFrame(double frame_ms, bool by_landmarks = false);
+  FeatureBudget addFrame(double frame_ms, bool by_landmarks = false);
 
   const FeatureBudget& budget() const { return budget_; }
 
  private:
-  void decide(double mean_ms, double with_features_ms);
+  bool knowsEnough(bool by_landmarks) const;
+  void decide(double mean_ms);
 
   double target_ms_;
   FeatureBudget budget_;

@@ -16,10 +16,8 @@ constexpr double kMostNew = 0.6;
 
 }  // namespace
 
-void LandmarkFrames::add(const TrackingResult& tracked, bool measured,
-                         std::optional<double> span_s) {
+void LandmarkFrames::add(const TrackingResult& tracked, bool measured) {
   motion_.reset();
-  if (span_s) previous_span_s_ = *span_s;
   if (tracked.by_landmarks) {
     motion_ = tracked.image_motion;
     ++in_a_row_;

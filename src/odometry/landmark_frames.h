@@ -14,14 +14,16 @@ namespace point_line_odometry {
 /// motion to the last of them. The previous frame is the last one with features.
 class LandmarkFrames {
  public:
-  /// Adds the tracking result of a frame. \param measured whether its motion is known. \param
-  /// span_s if it becomes the previous frame, the time since the one before it [s].
-  void add(const TrackingResult& tracked, bool measured, std::optional<double> span_s);
+  /// Adds the tracking result of a frame. \param measured whether its motion is known.
+  void add(const TrackingResult& tracked, bool measured);
+
+  /// A frame becomes the previous one, so much later than the one before it [s].
+  void setPreviousSpan(double span_s) { previous_span_s_ = span_s; }
 
   /// A new map begins, which has few landmarks at first.
   void startMap() { settled_ = 0; }
 
-  /// The motion of the next frame cannot be told from that of the last one, or need not be.
+  /// The motion of the last frame is predicted, or the previous frame is another one.
   void forgetMotion() { motion_.reset(); }
 
   /// Whether the next frame may be one: not too many in a row, motions of enough frames with

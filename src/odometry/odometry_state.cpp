@@ -100,9 +100,7 @@ void OdometryState::update(StereoFrame curr, const FrameContext& context,
   const bool replaces = shouldReplace(history, curr, tracked, context);
   if (measured) repeated.learn(context.images, pose.isStationary());
   if (measured || replaces) repeated.remember(imagesOf(curr, context.images));
-  std::optional<double> span_s;
-  if (replaces) span_s = history.previous ? context.secondsSince(history.previous->stamp_ns) : 0.0;
-  landmark_frames.add(tracked, measured, span_s);
+  landmark_frames.add(tracked, measured);
   if (tracked.by_landmarks) {
     const StageTimer timer(times, Stage::kUpdateMap);
     history.map->observe(context, tracked.landmark_matches, tracked.motion, threads);
@@ -147,6 +145,8 @@ void OdometryState::updateShutter(const TrackingResult& tracked, bool is_known,
 void OdometryState::updatePrevious(StereoFrame curr, const FrameContext& context,
                                    const TrackingResult& tracked, ThreadPool* threads) {
   history.before_previous.reset();
+  landmark_frames.setPreviousSpan(
+      context.secondsSince(history.previous ? history.previous->stamp_ns : curr.stamp_ns));
   const bool unknown = tracked.reason != TrackingReason::kNone;
   const bool other_place = tracked.ambiguous && spansGap(context);
   if (unknown || other_place) {

@@ -163,10 +163,10 @@ struct OdometryState {
   auto state() {
     auto& [tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this, pose_of_this,
            calibration, shutter_of_this, noise_of_this, priors_of_this, resting_of_this,
-           repeated_of_this, by_landmarks, failed] = *this;
+           repeated_of_this, landmark_frames_of_this, failed] = *this;
     return std::tie(tracking_of_this, stamp, intervals_of_this, history_of_this, lost_of_this,
                     pose_of_this, calibration, shutter_of_this, noise_of_this, priors_of_this,
-                    resting_of_this, repeated_of_this, by_landmarks, failed);
+                    resting_of_this, repeated_of_this, landmark_frames_of_this, failed);
   }
 
  private:

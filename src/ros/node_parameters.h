@@ -105,8 +105,8 @@ void visitNodeParameters(AnyNodeParameters& p, Visitor&& visit) {
   visit("watchdog_timeout_s", p.watchdog_timeout_s, 0.5, 3600.0, "s",
         "time without a pair of images after which a warning says what is missing");
   visit("target_frame_time_ms", p.target_frame_time_ms, 0.0, 10000.0, "ms",
-        "while frames take longer from input to output on the mean, every second one is tracked by "
-        "landmarks alone, if that leaves no doubt, and fewer features are used, down to a fifth; "
+        "while frames take longer from input to output on the mean, fewer features are used, down "
+        "to a fifth, and every second frame is tracked by landmarks alone if that leaves no doubt; "
         "0: never, the result does not depend on the computer");
 
   visit("recorder/frames", p.recorder.frames, 0, 100000, "frames",

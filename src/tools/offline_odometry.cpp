@@ -289,7 +289,7 @@ po::options_description describeOdometry(Options* options) {
   // clang-format off
   description.add_options()
       ("target-frame-time", po::value(&options->target_ms)->value_name("MS"),
-       "track every second frame by landmarks alone and use fewer features while frames take\n"
+       "use fewer features, and track every second frame by landmarks alone, while frames take\n"
        "longer on the mean, as the node with target_frame_time_ms;\n"
        "the result then depends on the computer");
   // clang-format on
