@@ -122,7 +122,10 @@ TEST(AdaptiveFeatureBudget, OneSlowFrameOfEitherKindChangesNothing) {
   for (const int slow : {4, 5, 6, 7}) {
     AdaptiveFeatureBudget budget(40.0);
     for (int k = 0; k < 60; ++k)
-      EXPECT_EQ(budget.addFrame(k == 30 + slow ? 500.0 : k % 2 == 1 ? 8.0 : 70.0, k % 2 == 1),
+      EXPECT_EQ(budget.addFrame(k == 30 + slow ? 500.0
+                                : k % 2 == 1   ? 8.0
+                                               : 70.0,
+                                k % 2 == 1),
                 FeatureBudget());
   }
 }

@@ -54,8 +54,8 @@ FeatureBudget AdaptiveFeatureBudget::addFrame(double frame_ms, bool by_landmarks
   return budget_;
 }
 
-/// Of both kinds in turns as many of each, and of each that occurs enough for a median that a single
-/// one does not change. \param by_landmarks the last frame.
+/// Of both kinds in turns as many of each, and of each that occurs enough for a median that a
+/// single one does not change. \param by_landmarks the last frame.
 bool AdaptiveFeatureBudget::knowsEnough(bool by_landmarks) const {
   const std::size_t num_frames = with_features_ms_.size() + by_landmarks_ms_.size();
   if (num_frames < kFramesPerDecision) return false;

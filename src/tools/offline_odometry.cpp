@@ -193,7 +193,7 @@ std::vector<std::string> warningsOf(const StereoSource& source, const OfflineRun
     return row.state == TrackingState::kOk;
   });
   if (!any_ok && run.rows().size() > 1)
-    warnings.push_back("the motion of no frame is known: frames.csv has the reasons");
+    warnings.emplace_back("the motion of no frame is known: frames.csv has the reasons");
   return warnings;
 }
 
