@@ -121,12 +121,12 @@ TEST(AdaptiveFeatureBudget, DoesNotOscillateBetweenFramesOfBothKindsAndOfOne) {
 TEST(AdaptiveFeatureBudget, OneSlowFrameOfEitherKindChangesNothing) {
   for (const int slow : {4, 5, 6, 7}) {
     AdaptiveFeatureBudget budget(40.0);
-    for (int k = 0; k < 60; ++k)
-      EXPECT_EQ(budget.addFrame(k == 30 + slow ? 500.0
-                                : k % 2 == 1   ? 8.0
-                                               : 70.0,
-                                k % 2 == 1),
-                FeatureBudget());
+    for (int k = 0; k < 60; ++k) {
+      const bool by_landmarks = k % 2 == 1;
+      const double usual_ms = by_landmarks ? 8.0 : 70.0;
+      const double frame_ms = k == 30 + slow ? 500.0 : usual_ms;
+      EXPECT_EQ(budget.addFrame(frame_ms, by_landmarks), FeatureBudget());
+    }
   }
 }
 
