@@ -88,7 +88,7 @@ FeatureBudget runWithLandmarkFrames(double with_features_ms, int frames,
   return budget->budget();
 }
 
-TEST(AdaptiveFeatureBudget, LandmarkFramesComeBeforeFewerFeatures) {
+TEST(AdaptiveFeatureBudget, LandmarkFramesComeBeforeFarFewerFeatures) {
   AdaptiveFeatureBudget budget(40.0);
   EXPECT_EQ(runWithLandmarkFrames(60.0, 100, &budget), (FeatureBudget{1.0, true}));
   EXPECT_EQ(runWithLandmarkFrames(38.0, 100, &budget), (FeatureBudget{1.0, true}))

@@ -75,8 +75,9 @@ void AdaptiveFeatureBudget::decide(double mean_ms) {
   // and never beyond the aim.
   double wanted = kAim * target_ms_ / std::max(mean_ms, kShortest_ms);
   if (mean_ms < room_below_ms) {
-    const bool all_fit = budget_.share == 1.0 && median(with_features_ms_) < room_below_ms;
-    if (all_fit && !with_features_ms_.empty()) budget_.landmark_frames = false;
+    const bool all_fit = budget_.share == 1.0 && !with_features_ms_.empty() &&
+                         median(with_features_ms_) < room_below_ms;
+    if (all_fit) budget_.landmark_frames = false;
   } else if (!budget_.landmark_frames && budget_.share * wanted < kFeaturesAlone) {
     budget_.landmark_frames = true;
     if (by_landmarks_ms_.empty()) wanted = std::min(kByLandmarks * wanted, 1.0);

@@ -1,6 +1,5 @@
 #include "odometry/odometry_state.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
