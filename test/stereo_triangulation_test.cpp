@@ -34,7 +34,7 @@ TEST(TriangulateAgain, LocatesAsAtFirstWithTheSameCorrection) {
   const Parameters parameters = synthetic::roomParameters();
   const FrameContext calibrated{images, camera, StereoCorrection(camera), parameters};
   FrameContext knocked = calibrated;
-  knocked.correction.u << 1.5, 0.2, 0.0, 0.5, 0.0, 0.0;
+  knocked.correction.u << 1.5, 0.2, 0.0, 0.5, 0.0, 0.0, 0.0;
   const StereoFrame expected = frameWith(calibrated);
   StereoFrame frame = frameWith(knocked);
   ASSERT_EQ(frame.points.size(), expected.points.size());

@@ -24,19 +24,30 @@ constexpr double kFramesPerSample = 2.0;
 // Prior standard deviations of the coefficients at the image's side [px], for
 // StereoCorrection::terms(). For the disparity those of the terms without x are smaller: over two
 // frames their effect on the optical flow is hardly distinguishable from that of another speed. For
-// the rows those are larger by which a rotation displaces them.
+// the rows those are larger by which a rotation displaces them. Calibrations are least exact at the
+// image's sides: that of x^4, which is nothing elsewhere, is larger (0.1 px rms over the image).
 constexpr double kFreePx = 0.1;
 constexpr double kHeldPx = 0.08;
 constexpr double kRotationPx = 0.3;
-StereoCorrection::Coefficients verticalSigma() {
-  StereoCorrection::Coefficients sigma;
-  sigma << kRotationPx, kRotationPx, kFreePx, kFreePx, kFreePx, kFreePx;
-  return sigma;
+constexpr double kSidePx = 0.3;
+
+StereoCorrection::Information priorInformation(const StereoCorrection::Coefficients& variance) {
+  return variance.cwiseInverse().asDiagonal();
 }
-StereoCorrection::Coefficients disparitySigma() {
+
+StereoCorrection::Information verticalPrior() {
   StereoCorrection::Coefficients sigma;
-  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx;
-  return sigma;
+  sigma << kRotationPx, kRotationPx, kFreePx, kFreePx, kFreePx, kFreePx, kFreePx;
+  return priorInformation(sigma.cwiseAbs2());
+}
+
+/// \param tangential_px standard deviation of y^2 by what tangential distortion the rows show.
+/// \param by_rows variances of what the rows show of a rotation and the focal length [px^2].
+StereoCorrection::Information disparityPrior(double tangential_px,
+                                             const StereoCorrection::Coefficients& by_rows) {
+  StereoCorrection::Coefficients sigma;
+  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, std::hypot(kHeldPx, tangential_px), kSidePx;
+  return priorInformation(sigma.cwiseAbs2() + by_rows);
 }
 
 // Standard deviation of what else than a rotation or another focal length displaces rows and
@@ -62,31 +73,33 @@ double bayesGain(double measured, double sigma) {
 
 }  // namespace
 
-OnlineStereoCalibration::GaussianEstimate::GaussianEstimate(const Coefficients& prior_sigma)
-    : prior(prior_sigma.cwiseAbs2().cwiseInverse().asDiagonal()), information(prior) {}
-
-void OnlineStereoCalibration::GaussianEstimate::add(const Information& more_information,
-                                                    const Coefficients& more_vector) {
+void OnlineStereoCalibration::Likelihood::add(const Information& more_information,
+                                              const Coefficients& more_vector) {
   const double fading = 1.0 - 1.0 / kMemoryFrames;
-  information = prior + fading * (information - prior) + more_information;
+  information = fading * information + more_information;
   vector = fading * vector + more_vector;
 }
 
 /// One factor is for the points that repeat their errors, two for the error that all have in
 /// common: on the disparity it acts inversely to the motion, and on the information by its square.
-void OnlineStereoCalibration::GaussianEstimate::add(const CalibrationEvidence& motion,
-                                                    double share_of_new) {
+void OnlineStereoCalibration::Likelihood::add(const CalibrationEvidence& motion,
+                                              double share_of_new) {
   const double weight = std::pow(share_of_new, 3);
   add(weight * motion.information, weight * motion.vector);
 }
 
-StereoCorrection::Coefficients OnlineStereoCalibration::GaussianEstimate::mean(
-    const Coefficients& expected) const {
-  return information.ldlt().solve(prior * expected + vector);
+StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::mean(
+    const Information& prior, const Coefficients& expected) const {
+  return (prior + information).ldlt().solve(prior * expected + vector);
+}
+
+StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::variance(
+    const Information& prior) const {
+  return (prior + information).inverse().diagonal();
 }
 
 OnlineStereoCalibration::OnlineStereoCalibration(const StereoCamera& camera)
-    : camera_(camera), correction_(camera), u_(disparitySigma()), v_(verticalSigma()) {}
+    : camera_(camera), correction_(camera) {}
 
 std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame) {
@@ -113,7 +126,7 @@ void OnlineStereoCalibration::addVerticalDisparities(const std::vector<VerticalD
     vector += weight * sample.vertical_disparity_px * terms;
   }
   v_.add(information / kFramesPerSample, vector / kFramesPerSample);
-  correction_.v = v_.mean();
+  correction_.v = v_.mean(verticalPrior(), Coefficients::Zero());
   update();
 }
 
@@ -123,7 +136,7 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
                                                        const StereoCamera& camera,
                                                        const StereoCorrection& correction) {
   using Coefficients = StereoCorrection::Coefficients;
-  using Information = decltype(CalibrationEvidence::information);
+  using Information = StereoCorrection::Information;
   Matrix6d by_motion = Matrix6d::Zero();
   Information by_terms = Information::Zero();
   Eigen::Matrix<double, StereoCorrection::kTerms, 6> mixed =
@@ -172,17 +185,19 @@ void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
 }
 
 void OnlineStereoCalibration::update() {
-  GaussianEstimate u = u_;
+  Likelihood u = u_;
   if (waiting_) u.add(*waiting_, kAssumedShareOfNew);
-  const Coefficients by_rows = expectedByRows();
-  const Yaw yaw = this->yaw(u, by_rows);
-  correction_.u = u.mean(by_rows + yaw.u);
+  const Coefficients v_variance = v_.variance(verticalPrior());
+  const ByRows by_rows = expectedByRows(v_variance);
+  const Yaw yaw = this->yaw(u, disparityPrior(0.0, by_rows.variance), by_rows.u);
+  const Information prior = disparityPrior(tangentialPx(yaw, v_variance), by_rows.variance);
+  correction_.u = u.mean(prior, by_rows.u + yaw.u);
   correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px);
 }
 
 bool OnlineStereoCalibration::knowsVertical() const {
-  constexpr double kLeast = 10.0;  // some ten stereo matches
-  return v_.information(0, 0) > kLeast * v_.prior(0, 0);
+  constexpr double kLeast = 9.0;  // some ten stereo matches
+  return v_.information(0, 0) > kLeast * verticalPrior()(0, 0);
 }
 
 /// Lenses displace rows by as much as the coefficients of v show, but for those by which a rotation
@@ -196,41 +211,55 @@ double OnlineStereoCalibration::lensErrorPx() const {
 /// To first order a roll w displaces a pixel (x, y) from the principal point by w (-y fx / fy,
 /// x fy / fx), a pitch w by w (x y / fy, fy + y^2 / fy), and a focal length longer by the share s
 /// by s (x, y). The rows cannot tell a yaw from what lenses do.
-StereoCorrection::Coefficients OnlineStereoCalibration::expectedByRows() const {
+OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
+    const Coefficients& v_variance) const {
   const Coefficients& v = correction_.v;
-  const Coefficients variance = v_.information.inverse().diagonal();
   const double lens_px = lensErrorPx();
-  const auto shown = [&](int term, double other_px) {
-    return v[term] * bayesGain(v[term], std::hypot(std::sqrt(variance[term]), lens_px, other_px));
+  ByRows by_rows;
+  const auto expect = [&](int term_of_u, double factor, int term, double other_px) {
+    const double sigma_px = std::hypot(std::sqrt(v_variance[term]), lens_px, other_px);
+    const double gain = bayesGain(v[term], sigma_px);
+    if (gain == 0.0) return;
+    by_rows.u[term_of_u] = factor * gain * v[term];
+    by_rows.variance[term_of_u] = gain * std::pow(factor * sigma_px, 2);
   };
   const double aspect = camera_.fx / camera_.fy;
   const double k = 0.5 * camera_.width / camera_.fy;
-  Coefficients u = Coefficients::Zero();
-  u[1] = shown(2, kShearPx);
-  u[2] = -aspect * aspect * shown(1, kShearPx);
-  u[4] = k * k * shown(0, kPrincipalPointPx);
-  return u;
+  expect(1, 1.0, 2, kShearPx);
+  expect(2, -aspect * aspect, 1, kShearPx);
+  expect(4, k * k, 0, kPrincipalPointPx);
+  return by_rows;
 }
 
 /// To first order a yaw w displaces columns by w (fx + x^2 / fx). What the motions show of u is a
 /// multiple of that, and beyond it what the prior allows: also of what a lens does, whose error is
 /// therefore not in the standard deviation.
-OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const GaussianEstimate& u,
+OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const Likelihood& u,
+                                                          const Information& prior,
                                                           const Coefficients& by_rows) const {
   const double k = 0.5 * camera_.width / camera_.fx;
   Coefficients shape = Coefficients::Zero();
   shape[0] = 1.0 + k * k / 3.0;
   shape[3] = k * k;
-  const Coefficients weighted = u.prior * shape;
-  const Eigen::LDLT<Information> solver(u.information);
+  const Coefficients weighted = prior * shape;
+  const Eigen::LDLT<Information> solver(prior + u.information);
   const double information = weighted.dot(shape - solver.solve(weighted));
   if (!(information > 0.0)) return {};
-  const Coefficients unexplained = u.vector - (u.information - u.prior) * by_rows;
+  const Coefficients unexplained = u.vector - u.information * by_rows;
   const double measured_px = weighted.dot(solver.solve(unexplained)) / information;
   const double noise_px = kNoiseOfYaw / std::sqrt(information);
   const double gain =
       bayesGain(measured_px, std::hypot(noise_px, lensErrorPx(), kPrincipalPointPx));
   return {gain * measured_px * shape, std::sqrt(gain) * noise_px * shape[0]};
+}
+
+/// Tangential distortion p displaces columns by p (3 x^2 + y^2) and rows by 2 p x y, a yaw w
+/// columns by w x^2 and rows by w x y. Where a calibration has made the disparities of the central
+/// row right by w = -3 p, p y^2 is left of the columns, and -p x y of the rows.
+double OnlineStereoCalibration::tangentialPx(const Yaw& yaw, const Coefficients& v_variance) const {
+  const double aspect = camera_.fx / camera_.fy;
+  const double square = std::pow(correction_.v[4] - yaw.u[3], 2) - v_variance[4];
+  return square > 0.0 ? aspect * aspect * std::sqrt(square) : 0.0;
 }
 
 }  // namespace point_line_odometry

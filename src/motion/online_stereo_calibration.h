@@ -16,8 +16,7 @@ namespace point_line_odometry {
 
 /// Information of one motion on the coefficients of the disparity.
 struct CalibrationEvidence {
-  Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms> information =
-      decltype(information)::Zero();
+  StereoCorrection::Information information = StereoCorrection::Information::Zero();
   StereoCorrection::Coefficients vector = StereoCorrection::Coefficients::Zero();
 
   auto state() { return std::tie(information, vector); }
@@ -34,7 +33,8 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// Estimates the correction of the right image while the odometry runs. Vertical disparities
 /// measure v directly. A bias of the disparity, u, is observable when the camera moves: the
 /// triangulated depths then disagree with the optical flow. Each frame adds its information on the
-/// coefficients; old information decays exponentially. A calibrated camera has a small u. One that
+/// coefficients; old information decays exponentially. A calibrated camera has a small u, but for
+/// the image's sides, and for y^2 where v shows that the lenses do much. One that
 /// was knocked has that of a rotation: roll and pitch displace rows, too, as does another focal
 /// length; where v shows more of that than lenses explain, u is expected to be the rest of it,
 /// before the camera has moved. A yaw is taken from the motions.
@@ -66,22 +66,26 @@ class OnlineStereoCalibration {
 
  private:
   using Coefficients = StereoCorrection::Coefficients;
-  using Information = Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms>;
+  using Information = StereoCorrection::Information;
 
-  /// Gaussian estimate of coefficients in information form.
-  struct GaussianEstimate {
-    Information prior;
-    Information information;
+  /// What was observed of coefficients: a Gaussian in information form.
+  struct Likelihood {
+    Information information = Information::Zero();
     Coefficients vector = Coefficients::Zero();
 
-    /// \param prior_sigma of each coefficient [px], about zero.
-    explicit GaussianEstimate(const Coefficients& prior_sigma);
     void add(const Information& information, const Coefficients& vector);
     /// Adds a motion to the estimate of u.
     void add(const CalibrationEvidence& motion, double share_of_new);
-    /// \param expected mean of the prior.
-    Coefficients mean(const Coefficients& expected = Coefficients::Zero()) const;
-    auto state() { return std::tie(prior, information, vector); }
+    /// With a prior of this information about the expected coefficients.
+    Coefficients mean(const Information& prior, const Coefficients& expected) const;
+    Coefficients variance(const Information& prior) const;
+    auto state() { return std::tie(information, vector); }
+  };
+
+  /// What a rotation or another focal length of the right camera does, as far as the rows show it.
+  struct ByRows {
+    Coefficients u = Coefficients::Zero();  ///< the displacement
+    Coefficients variance = Coefficients::Zero();
   };
 
   /// What a yaw of the right camera does.
@@ -92,13 +96,14 @@ class OnlineStereoCalibration {
 
   void update();
   double lensErrorPx() const;
-  Coefficients expectedByRows() const;
-  Yaw yaw(const GaussianEstimate& u, const Coefficients& by_rows) const;
+  ByRows expectedByRows(const Coefficients& v_variance) const;
+  Yaw yaw(const Likelihood& u, const Information& prior, const Coefficients& by_rows) const;
+  double tangentialPx(const Yaw& yaw, const Coefficients& v_variance) const;
 
   StereoCamera camera_;
   StereoCorrection correction_;
-  GaussianEstimate u_;
-  GaussianEstimate v_;
+  Likelihood u_;
+  Likelihood v_;
   /// Of a motion whose share of new features is still unknown.
   std::optional<CalibrationEvidence> waiting_;
 };

@@ -75,8 +75,9 @@ bool calibratesStereo(const Parameters& parameters) {
   return parameters.tracking.refine_calibration && parameters.matching.refine_subpixel;
 }
 
-double commonDifference(const StereoCorrection& a, const StereoCorrection& b) {
-  return std::abs(a.u(0) - b.u(0));
+double commonDifference(const StereoCorrection& a, const StereoCorrection& b,
+                        const StereoCamera& camera) {
+  return std::abs(a.meanPx(camera).x() - b.meanPx(camera).x());
 }
 
 void OdometryState::update(StereoFrame curr, const FrameContext& context,
@@ -200,7 +201,8 @@ bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
     return false;
   if (calibratesStereo(context.parameters) &&
       (!stereo_calibration.knowsVertical() ||
-       commonDifference(history.previous->correction, context.correction) >= kOtherDisparityPx))
+       commonDifference(history.previous->correction, context.correction, context.camera) >=
+           kOtherDisparityPx))
     return false;
   // The next frame is matched with the previous one if features are detected in that.
   const double next_s = context.secondsSince(history.previous->stamp_ns) + sinceLast(context);
@@ -369,7 +371,8 @@ void OdometryState::locatePrevious(const FrameContext& context) {
 
 void OdometryState::followCorrection(const FrameContext& context) {
   if (!history.previous) return;
-  const double difference_px = commonDifference(history.previous->correction, context.correction);
+  const double difference_px =
+      commonDifference(history.previous->correction, context.correction, context.camera);
   if (difference_px >= kOtherDisparityPx) locateAgain(context);
 }
 

@@ -42,8 +42,9 @@ bool isExpired(const LostMap& lost, std::int64_t stamp_ns, const TrackingParamet
 /// only.
 bool calibratesStereo(const Parameters& parameters);
 
-/// By how much the disparities of all points differ with another correction [px].
-double commonDifference(const StereoCorrection& a, const StereoCorrection& b);
+/// By how much all disparities differ with another correction, as a mean over the image [px].
+double commonDifference(const StereoCorrection& a, const StereoCorrection& b,
+                        const StereoCamera& camera);
 
 /// A difference with which landmarks are wrong: three standard deviations of a calibrated camera's.
 constexpr double kOtherDisparityPx = 3.0 * StereoCorrection::kCalibratedPx;

@@ -260,7 +260,7 @@ void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tr
     const StereoCorrection used = tracked->context.correction;
     const StereoCorrection correction = state.correctionBy(tracked->frame, shown, parameters);
     const double least_px = i == 0 ? kOtherDisparityPx : StereoCorrection::kCalibratedPx;
-    if (commonDifference(correction, used) < least_px) return;
+    if (commonDifference(correction, used, tracked->context.camera) < least_px) return;
     tracked->context.correction = correction;
     OdometryState corrected = state;
     corrected.locateAgain(tracked->context);

@@ -20,7 +20,7 @@ constexpr double kMaxVerticalDisparity_px = 1.5;
 constexpr double kMaxVerticalDrift_px = 0.5;
 
 /// Correction of the disparities by the odometry above which the right camera is reported to have
-/// moved, as an angle: a pixel of KITTI's camera, whose calibration needs 0.6 px.
+/// moved, as an angle: a pixel of KITTI's camera, whose calibration needs 0.7 px.
 constexpr double kMaxCorrection_rad = 0.0014;
 
 // --- Images and calibration
