@@ -184,27 +184,36 @@ class TrueRotations(PriorSequenceTest):
 class WrongPriors(PriorSequenceTest):
     """Wrong in every second frame, by 5 deg/s or by 30 % of the distance: they are rejected, and no figure is worse
     by more than 5 % than without priors, or than with the right half of them where that is worse. Figures are medians of
-    five draws of the noise on the sequences of rooms, whose ATE is 2 to 5 mm: single ones have differed by half there, by 8 % at
-    most on the others."""
+    five draws of the noise on the sequences of rooms, whose ATE is 2 to 5 mm: single ones have differed by half there. That
+    of the town is 4 mm, and what happens to a frame of it does so with each noise, but not from each first frame on: it has
+    been 11 % at most. On KITTI it has been 8 % at most."""
 
-    DRAWS = {"rendered_lowtexture": 5, "rendered_plaster": 5, "euroc_MH_01_000-099": 3}
+    DRAWS = {"rendered_lowtexture": 5, "rendered_plaster": 5, "euroc_MH_01_000-099": 3, "rendered_town": 5}
+    DRAWN_STARTS = ("rendered_town",)
     FACTOR = 1.05
 
-    def check_median(self, name, text, rows_of, without):
-        """rows_of(which, seed)"""
+    def folder_of(self, name, draw):
+        """The sequence, from another first frame on in each draw if that is drawn, too."""
+        if draw == 0 or name not in self.DRAWN_STARTS:
+            return data_folder(name)
+        return self.with_frames(name, range(draw, FRAMES[name][0]))
+
+    def check_median(self, name, text, rows_of, folders, without):
+        """rows_of(folder, which, seed); the folder of each draw, and {folder: errors without priors}."""
         keys = ["ate_m"] + (["t_percent", "r_deg_per_100m"] if name in DRIVES else ["rpe_r_deg"])
-        _, right = self.with_priors(name, rows_of(RIGHT, 0))
+        _, right = self.with_priors(folders[0], rows_of(folders[0], RIGHT, 0))
         ratios = {key: [] for key in keys}
-        for seed in range(self.DRAWS.get(name, 1)):
-            summary, errors = self.with_priors(name, rows_of(BOTH, seed))
-            self.assertEqual(summary["states"], {"initializing": 1, "ok": FRAMES[name][0] - 1})
+        for draw, folder in enumerate(folders):
+            summary, errors = self.with_priors(folder, rows_of(folder, BOTH, draw))
+            self.assertEqual(set(summary["states"]), {"initializing", "ok"})
+            self.assertEqual(summary["states"]["initializing"], 1)
             self.assertGreaterEqual(summary["priors"]["rejected"], 3)
-            self.assertGreaterEqual(summary["priors"]["suspended"], FRAMES[name][0] // 2)
+            self.assertGreaterEqual(summary["priors"]["suspended"], summary["frames"] // 2)
             for key in keys:
-                ratios[key].append(errors[key] / without[key])
+                ratios[key].append(errors[key] / without[folder][key])
         for key in keys:
             median = float(np.median(ratios[key]))
-            right_half = right[key] / without[key]
+            right_half = right[key] / without[folders[0]][key]
             print(f"\n{name}, {text}, {key} times that without: {median:.3f}, of",
                   " ".join(f"{ratio:.3f}" for ratio in sorted(ratios[key])),
                   f"; right half alone {right_half:.3f}", flush=True)
@@ -212,12 +221,12 @@ class WrongPriors(PriorSequenceTest):
                 self.assertLess(median, self.FACTOR * max(1.0, right_half))
 
     def check_wrong(self, name):
-        folder = data_folder(name)
-        _, without = self.scores(name)
-        self.check_median(name, "rotations wrong by 5 deg/s", lambda which, seed: gyroscope_rows(
-            folder, 1, WRONG_RATE, seed, which), without)
-        self.check_median(name, "distances 30 % too long", lambda which, seed: wheel_rows(
-            folder, 1.3, seed, which), without)
+        folders = [self.folder_of(name, draw) for draw in range(self.DRAWS.get(name, 1))]
+        without = {folder: self.scores(folder)[1] for folder in set(folders)}
+        self.check_median(name, "rotations wrong by 5 deg/s", lambda folder, which, seed: gyroscope_rows(
+            folder, 1, WRONG_RATE, seed, which), folders, without)
+        self.check_median(name, "distances 30 % too long", lambda folder, which, seed: wheel_rows(
+            folder, 1.3, seed, which), folders, without)
 
     def check_no_trace(self, name, rows):
         """Without the right ones between them, the wrong ones leave every bit as it is."""
