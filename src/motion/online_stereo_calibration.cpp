@@ -42,7 +42,7 @@ StereoCorrection::Information verticalPrior() {
 }
 
 /// \param tangential_px standard deviation of y^2 by what tangential distortion the rows show.
-/// \param by_rows variances of what the rows show of a rotation and the focal length [px^2].
+/// \param by_rows variances of what a rotation or focal length that rows show displaces [px^2].
 StereoCorrection::Information disparityPrior(double tangential_px,
                                              const StereoCorrection::Coefficients& by_rows) {
   StereoCorrection::Coefficients sigma;

@@ -33,11 +33,11 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// Estimates the correction of the right image while the odometry runs. Vertical disparities
 /// measure v directly. A bias of the disparity, u, is observable when the camera moves: the
 /// triangulated depths then disagree with the optical flow. Each frame adds its information on the
-/// coefficients; old information decays exponentially. A calibrated camera has a small u, but for
-/// the image's sides, and for y^2 where v shows that the lenses do much. One that
-/// was knocked has that of a rotation: roll and pitch displace rows, too, as does another focal
-/// length; where v shows more of that than lenses explain, u is expected to be the rest of it,
-/// before the camera has moved. A yaw is taken from the motions.
+/// coefficients; old information decays exponentially. A calibrated camera has a small u, but at
+/// the image's sides, and in y^2 where v shows tangential distortion. One that was knocked has that
+/// of a rotation: roll and pitch displace rows, too, as does another focal length; where v shows
+/// more of that than lenses explain, u is expected to be the rest of it, before the camera has
+/// moved. A yaw is taken from the motions.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
