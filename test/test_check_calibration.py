@@ -154,7 +154,7 @@ class CheckCalibrationTest(ToolTest):
                 stdout=subprocess.PIPE, universal_newlines=True, check=True)
             errors[name] = json.loads(result.stdout)["short"]["r_rel_deg_per_100m"]
         print(f"\nkitti_raw_0926_0001, r [deg / 100 m]: {errors}\n{report}", flush=True)
-        # Measured: given 0.255, online 0.193, corrected 0.194.
+        # Measured: given 0.249, online 0.199, corrected 0.195.
         self.assertLess(errors["corrected"], 1.05 * errors["online"])
         self.assertLess(errors["corrected"], 0.85 * errors["given"])
 

@@ -81,15 +81,28 @@ Eigen::VectorXd differenceSteps(const CameraCalibration& camera, int size) {
   return steps;
 }
 
+/// Weights of the residuals of a grid: 1 in the middle columns of the image and a tenth at its
+/// sides, where fewer points are, and what no parameter expresses is largest (x^4).
+Eigen::VectorXd residualWeights(const Pixels& grid) {
+  constexpr double kDecrease = 0.9;
+  const double half_px = 0.5 * grid.row(0).maxCoeff();
+  Eigen::VectorXd weights(2 * grid.cols());
+  for (Eigen::Index i = 0; i < grid.cols(); ++i) {
+    const double x = grid(0, i) / half_px - 1.0;
+    weights.segment<2>(2 * i).setConstant(1.0 - kDecrease * x * x);
+  }
+  return weights;
+}
+
 /// Gauss-Newton, in parameters that each move pixels by 1 px (root mean square). They are kept near
 /// the given camera: what hardly differs over this field of view, such as a shift of the principal
 /// point and a rotation, would take large opposite values.
 Eigen::VectorXd fit(const CameraChange& change, const Eigen::VectorXd& steps,
-                    const Pixels& corrected, const Pixels& raw) {
+                    const Pixels& corrected, const Pixels& raw, const Eigen::VectorXd& weights) {
   constexpr int kIterations = 10;
   constexpr double kDamping = 1e-6;
   const auto residualOf = [&](const Eigen::VectorXd& x) {
-    return flattened(rawPixels(change.apply(x), corrected) - raw);
+    return flattened(rawPixels(change.apply(x), corrected) - raw).cwiseProduct(weights).eval();
   };
   Eigen::VectorXd x = Eigen::VectorXd::Zero(change.size());
   for (int k = 0; k < kIterations; ++k) {
@@ -125,11 +138,16 @@ CorrectedCalibration correctedCalibration(const StereoCalibration& calibration,
   for (Eigen::Index i = 0; i < grid.cols(); ++i) corrected.col(i) = displacement(grid.col(i));
   const CameraChange change(calibration.right);
   const Pixels raw = rawPixels(change.apply(Eigen::VectorXd::Zero(change.size())), grid);
-  const Eigen::VectorXd x =
-      fit(change, differenceSteps(calibration.right, change.size()), corrected, raw);
+  const Eigen::VectorXd x = fit(change, differenceSteps(calibration.right, change.size()),
+                                corrected, raw, residualWeights(grid));
+  const CameraCalibration right = change.apply(x);
   CorrectedCalibration result{calibration, sizeOf(corrected - grid), {}};
-  result.calibration.right = change.apply(x);
-  result.remaining = sizeOf(rawPixels(result.calibration.right, corrected) - raw);
+  result.remaining = sizeOf(rawPixels(right, corrected) - raw);
+  if (result.remaining.rms_px < result.change.rms_px) {
+    result.calibration.right = right;
+  } else {
+    result.remaining = result.change;
+  }
   return result;
 }
 

@@ -26,11 +26,11 @@ struct CorrectedCalibration {
 
 /// Fits rotation, focal lengths, principal point and, unless the distortion is equidistant, the
 /// tangential distortion of the right camera, such that its rectified images have the displacement
-/// no more: least squares over a grid of the image, with the smallest change where several explain
-/// it alike. Radial distortion is kept: it has none of the quadratic terms of the displacement. The
-/// left camera and both P, hence the rectified pair, stay as they are; images that are rectified
-/// already may have K = P, no D and the identity as R. Throws std::invalid_argument as
-/// StereoRectifier.
+/// no more: least squares over a grid of the image, whose middle counts more than its sides, with
+/// the smallest change where several explain it alike; none if no less would remain. Radial
+/// distortion is kept: it has none of the quadratic terms of the displacement. The left camera and
+/// both P, hence the rectified pair, stay as they are; images that are rectified already may have K
+/// = P, no D and the identity as R. Throws std::invalid_argument as StereoRectifier.
 CorrectedCalibration correctedCalibration(const StereoCalibration& calibration,
                                           const RightDisplacement& displacement);
 
