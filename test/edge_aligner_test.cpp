@@ -1,4 +1,4 @@
-#include "matching/edge_aligner.h"
+#include "features/edge_aligner.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "matching/edge_aligner.h"
+#include "features/edge_aligner.h"
 #include "matching/expected_features.h"
 #include "matching/index_pair.h"
 #include "matching/line_matcher.h"

@@ -9,9 +9,9 @@
 
 namespace point_line_odometry {
 
-/// Aligns a predicted segment with the edge that the image has there: across it, in each column (of
-/// a steep segment: each row), the strongest gradient of the segment's polarity within 3 px is
-/// located to a sub-pixel, and a straight line is fitted to these (moving edges, Bouthemy 1989).
+/// Aligns a predicted segment with the edge that the image has there: across it, in every other
+/// column (of a steep segment: row), the strongest gradient of the segment's polarity within 3 px
+/// is located to a sub-pixel, and a straight line is fitted to these (moving edges, Bouthemy 1989).
 /// Nothing unless most of the segment lies in the image, not masked, and on one straight edge.
 /// \param image CV_8UC1. \return the predicted ends, projected on the edge.
 std::optional<LineSegment> alignEdge(const cv::Mat& image, const FeatureMask& mask,
