@@ -50,6 +50,25 @@ TEST(AreaReduction, TwoByTwoPixelsRoundToNearest) {
   }
 }
 
+TEST(AreaReduction, HalvingIsReducingToHalfTheSize) {
+  cv::Mat half;
+  for (const cv::Size& size : {cv::Size(64, 48), cv::Size(65, 49), cv::Size(2, 2)}) {
+    const cv::Mat image = noise(size);
+    halve(image, &half);
+    ASSERT_EQ(half.size(), cv::Size(size.width / 2, size.height / 2));
+    const cv::Mat even = image(cv::Rect(0, 0, 2 * half.cols, 2 * half.rows));
+    cv::Mat difference;
+    cv::absdiff(half, areaReduced(even, half.size()), difference);
+    EXPECT_LE(cv::norm(difference, cv::NORM_INF), 1.0);  // rounding
+    for (int y = 0; y < half.rows; ++y) {
+      for (int x = 0; x < half.cols; ++x) {
+        const double mean = cv::mean(image(cv::Rect(2 * x, 2 * y, 2, 2)))[0];
+        ASSERT_LE(std::abs(half.at<std::uint8_t>(y, x) - mean), 0.5);
+      }
+    }
+  }
+}
+
 TEST(AreaReduction, TheSameSizeIsTheSameImage) {
   const cv::Mat image = noise({37, 21});
   EXPECT_EQ(cv::countNonZero(areaReduced(image, image.size()) != image), 0);

@@ -12,9 +12,8 @@ import unittest
 from document_fixture import read_document
 from tool_fixture import ToolTest, find_program, run
 
-STAGES = ["cv_lsd", "cv_orb", "gradient", "lines_from_gradient", "lines", "line_descriptors",
-          "points", "match_stereo", "triangulate", "match_circular", "correspondences", "estimate",
-          "fuse", "features_stereo"]
+STAGES = ["cv_lsd", "cv_orb", "lines", "points", "match_stereo", "triangulate", "match_circular",
+          "correspondences", "estimate", "fuse", "features_stereo"]
 SEGMENTS = ["all_ours", "all_cv_lsd", "n_longest_ours", "n_longest_cv_lsd"]
 NO_YARDSTICK = "no line segment detector"
 

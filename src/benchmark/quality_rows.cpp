@@ -7,8 +7,7 @@
 
 #include "benchmark/detector_quality.h"
 #include "benchmark/row_timer.h"
-#include "features/gradient.h"
-#include "features/line_detector.h"
+#include "features/line_feature_detector.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/types.h"
 #include "tools/interruption.h"
@@ -64,7 +63,7 @@ void keepCommonNumber(std::array<Views, kNumDetectors>* views) {
 class QualityMeasurement {
  public:
   QualityMeasurement(const BenchmarkInput& input, const Parameters& parameters)
-      : line_detector_(parameters.lines) {
+      : line_detector_(parameters.lines, LineDetectorKind::kEdgeChains) {
     for (std::size_t i = 0; i < input.numSamples(); ++i) addPair(input.sample(i));
   }
 
@@ -123,8 +122,7 @@ class QualityMeasurement {
     if (detector == kLsd) {
       segments = yardstick_.detect(image);
     } else {
-      computeGradient(image, &gradient_);
-      segments = line_detector_.detect(gradient_);
+      for (const LineFeature& line : line_detector_.detect(image)) segments.push_back(line.segment);
     }
     *time_ms += elapsedMs(begin);
     return longSegments(std::move(segments), options_);
@@ -142,8 +140,7 @@ class QualityMeasurement {
   }
 
   QualityOptions options_;
-  GradientImage gradient_;
-  LineDetector line_detector_;
+  LineFeatureDetector line_detector_;
   Yardstick yardstick_;
   std::array<std::array<Quality, kNumBudgets>, kNumDetectors> qualities_;
 };

@@ -18,10 +18,7 @@ struct StageRow {
   std::size_t (Stages::*call)();
 };
 
-constexpr StageRow kStageRows[] = {{"gradient", &Stages::gradient},
-                                   {"lines_from_gradient", &Stages::linesFromGradient},
-                                   {"lines", &Stages::linesFromImage},
-                                   {"line_descriptors", &Stages::describeLines},
+constexpr StageRow kStageRows[] = {{"lines", &Stages::lines},
                                    {"points", &Stages::points},
                                    {"match_stereo", &Stages::matchStereo},
                                    {"triangulate", &Stages::triangulate},

@@ -8,7 +8,7 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
     : parameters_(parameters),
       camera_(input->camera()),
       correction_(camera_),
-      line_detector_(parameters.lines),
+      line_detector_(parameters.lines, lineDetectorKind(parameters.lines)),
       point_detector_(parameters.points),
       stereo_detector_(parameters.points, parameters.lines),
       threads_(parameters.tracking.threads) {
@@ -19,8 +19,6 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
   images_ = run[middle];
   curr_ = makeFrame(images_);
   matchStereo();
-  computeGradient(images_.left, &gradient_);
-  segments_ = line_detector_.detect(gradient_);
 
   const MotionPrediction unknown{Eigen::Isometry3d::Identity(),
                                  parameters_.matching.search_radius_without_velocity_px};
@@ -57,24 +55,7 @@ Correspondences Stages::correspondencesOf(const StereoFrame& prev, const Circula
                              {images_, camera_, correction_, parameters_}, nullptr);
 }
 
-std::size_t Stages::gradient() {
-  computeGradient(images_.left, &gradient_);
-  return gradient_.magnitude.total();
-}
-
-std::size_t Stages::linesFromGradient() {
-  segments_ = line_detector_.detect(gradient_);
-  return segments_.size();
-}
-
-std::size_t Stages::linesFromImage() {
-  computeGradient(images_.left, &gradient_for_lines_);
-  return line_detector_.detect(gradient_for_lines_).size();
-}
-
-std::size_t Stages::describeLines() {
-  return ::point_line_odometry::describeLines(gradient_, segments_).size();
-}
+std::size_t Stages::lines() { return line_detector_.detect(images_.left).size(); }
 
 std::size_t Stages::points() { return point_detector_.detect(images_.left).size(); }
 

@@ -6,9 +6,7 @@
 
 #include "benchmark/inputs.h"
 #include "common/thread_pool.h"
-#include "features/gradient.h"
-#include "features/line_descriptor.h"
-#include "features/line_detector.h"
+#include "features/line_feature_detector.h"
 #include "features/point_detector.h"
 #include "features/stereo_feature_detector.h"
 #include "matching/expected_features.h"
@@ -34,10 +32,7 @@ class Stages {
   /// The left image of the third frame.
   const cv::Mat& image() const { return images_.left; }
 
-  std::size_t gradient();
-  std::size_t linesFromGradient();
-  std::size_t linesFromImage();
-  std::size_t describeLines();
+  std::size_t lines();
   std::size_t points();
   std::size_t detectStereo();
   std::size_t matchStereo();
@@ -57,16 +52,13 @@ class Stages {
   StereoCamera camera_;
   StereoCorrection correction_;
   StereoImages images_;
-  LineDetector line_detector_;
+  LineFeatureDetector line_detector_;
   PointDetector point_detector_;
   StereoFeatureDetector stereo_detector_;
   ThreadPool threads_;
   ThreadPool one_thread_{1};
 
   // Of the third frame, from one stage to the next.
-  GradientImage gradient_;
-  GradientImage gradient_for_lines_;  // of linesFromImage()
-  std::vector<LineSegment> segments_;
   StereoMatches stereo_matches_;
   StereoFrame curr_;
   CircularMatches circular_matches_;

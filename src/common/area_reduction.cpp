@@ -54,6 +54,15 @@ void addWeighted(const std::uint8_t* __restrict row, float weight, int width,
   for (int x = 0; x < width; ++x) sums[x] += weight * static_cast<float>(row[x]);
 }
 
+POINT_LINE_ODOMETRY_CLONES("avx2")
+void halveRow(const std::uint8_t* __restrict above, const std::uint8_t* __restrict below, int width,
+              std::uint8_t* __restrict half) {
+  for (int x = 0; x < width; ++x) {
+    const int sum = above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1];
+    half[x] = static_cast<std::uint8_t>((sum + 2) / 4);
+  }
+}
+
 /// \tparam kTaps known to the compiler, which unrolls the sum. 0: coverage.num_taps.
 template <int kTaps>
 void reduceRow(const float* row, const Coverage& coverage, std::uint8_t* reduced) {
@@ -97,6 +106,14 @@ cv::Mat areaReduced(const cv::Mat& image, const cv::Size& size) {
     }
   }
   return reduced;
+}
+
+void halve(const cv::Mat& image, cv::Mat* half) {
+  half->create(image.rows / 2, image.cols / 2, CV_8UC1);
+  for (int y = 0; y < half->rows; ++y) {
+    halveRow(image.ptr<std::uint8_t>(2 * y), image.ptr<std::uint8_t>(2 * y + 1), half->cols,
+             half->ptr<std::uint8_t>(y));
+  }
 }
 
 }  // namespace point_line_odometry

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/area_reduction.h"
 #include "common/same_image.h"
 
 namespace point_line_odometry {
@@ -73,6 +74,7 @@ struct FeatureMask::Levels {
   std::vector<cv::Mat> visible;
   std::vector<cv::Mat> patches;          // where patches may be
   std::map<int, FeatureMask> of_octave;  // those that were asked for
+  std::optional<FeatureMask> half;       // likewise
 };
 
 cv::Mat binaryMask(const cv::Mat& mask) { return mask != 0; }
@@ -117,6 +119,16 @@ const FeatureMask& FeatureMask::ofLevel(int octave) const {
   if (found != levels_->of_octave.end()) return found->second;
   const cv::Mat& visible = levels_->visible[static_cast<std::size_t>(octave)];
   return levels_->of_octave.emplace(octave, FeatureMask(visible)).first->second;
+}
+
+const FeatureMask& FeatureMask::half() const {
+  if (empty()) return *this;
+  if (!levels_->half) {
+    cv::Mat mean;
+    halve(visible_, &mean);
+    levels_->half = FeatureMask(mean == kVisible);
+  }
+  return *levels_->half;
 }
 
 bool FeatureMask::allowsPatch(const Eigen::Vector2f& level_px, int octave) const {

@@ -47,6 +47,9 @@ class FeatureMask {
   /// The mask of a level as of an image of its own. \param octave of a level that was added.
   const FeatureMask& ofLevel(int octave) const;
 
+  /// The mask of the image at half its size (halve()).
+  const FeatureMask& half() const;
+
   /// Whether a patch, or a corner of a coarser level, may be at a pixel of a level. False outside
   /// of the image.
   bool allowsPatch(const Eigen::Vector2f& level_px, int octave) const;

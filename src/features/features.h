@@ -25,7 +25,7 @@ struct Keypoint {
 struct LineFeature {
   LineSegment segment;  ///< in the full-resolution image [px]
   Descriptor descriptor{};
-  float scale = 1.0F;  ///< pixels of the image per pixel of the pyramid level it was detected in
+  float scale = 1.0F;  ///< pixels of the image per pixel of the size that it was located in
 };
 
 /// Descriptors of a point in both images of a stereo frame.

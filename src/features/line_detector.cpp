@@ -153,8 +153,8 @@ struct LineDetector::Scratch {
   std::vector<Eigen::Vector2f> pixels;  // of a chain's pixels, sub-pixel
 };
 
-LineDetector::LineDetector(const LineParameters& parameters)
-    : parameters_(parameters), scratch_(std::make_unique<Scratch>()) {}
+LineDetector::LineDetector(const LineParameters& parameters, int pixel_size)
+    : parameters_(parameters), pixel_size_(pixel_size), scratch_(std::make_unique<Scratch>()) {}
 LineDetector::LineDetector(LineDetector&&) noexcept = default;
 LineDetector& LineDetector::operator=(LineDetector&&) noexcept = default;
 LineDetector::~LineDetector() = default;
@@ -164,7 +164,8 @@ std::vector<LineSegment> LineDetector::detect(const GradientImage& gradient,
   std::vector<LineSegment> segments;
   const cv::Size size = gradient.gx.size();
   if (size.width < 3 || size.height < 3) return segments;
-  if (scratch_->table.imageSize() != size) scratch_->table = AContrarioTable(size);
+  const cv::Size image_size = size * pixel_size_;
+  if (scratch_->table.imageSize() != image_size) scratch_->table = AContrarioTable(image_size);
   EdgeMap& map = scratch_->map;
   const int threshold =
       std::max(EdgeMap::kMinThreshold,
@@ -195,7 +196,8 @@ void LineDetector::addSegments(const GradientImage& gradient,
     begin = piece.end;
     if (piece.segment.length() < parameters_.min_length_px) continue;
     const int n = static_cast<int>(piece.segment.length()) + 1;
-    if (scratch_->table.meaningful(n, countAligned(gradient, piece.segment, n)) &&
+    const int aligned = countAligned(gradient, piece.segment, n);
+    if (scratch_->table.meaningful(pixel_size_ * n, pixel_size_ * aligned) &&
         onStrongestEdge(gradient, piece.segment, n)) {
       segments->push_back(piece.segment);
     }

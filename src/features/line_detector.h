@@ -17,7 +17,9 @@ namespace point_line_odometry {
 /// edge of their polarity are dropped.
 class LineDetector {
  public:
-  explicit LineDetector(const LineParameters& parameters);
+  /// \param pixel_size of the gradient's pixels in pixels of the image: segments are validated as
+  /// if the image itself had them.
+  explicit LineDetector(const LineParameters& parameters, int pixel_size = 1);
   LineDetector(LineDetector&&) noexcept;
   LineDetector& operator=(LineDetector&&) noexcept;
   ~LineDetector();
@@ -32,6 +34,7 @@ class LineDetector {
   void addSegments(const GradientImage& gradient, std::vector<LineSegment>* segments) const;
 
   LineParameters parameters_;
+  int pixel_size_;
   std::unique_ptr<Scratch> scratch_;
 };
 

@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "features/line_descriptor.h"
-
 namespace point_line_odometry {
 namespace {
 
@@ -18,9 +16,11 @@ int octaveOfCoarserLines(const PointParameters& points) {
 }
 
 /// The noise of a level's pixels, and so the least gradient, falls with its scale.
-LineParameters ofLevel(int octave, const PointParameters& points, LineParameters lines) {
+LineFeatureDetector coarserLineDetector(int octave, const PointParameters& points,
+                                        LineParameters lines, LineDetectorKind kind) {
   lines.min_gradient /= std::pow(points.scale_factor, octave);
-  return lines;
+  lines.coarse_to_fine = false;
+  return LineFeatureDetector(lines, kind);
 }
 
 }  // namespace
@@ -28,33 +28,14 @@ LineParameters ofLevel(int octave, const PointParameters& points, LineParameters
 StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
                                              const LineParameters& lines)
     : points_enabled_(points.enabled),
-      line_detector_(lineDetectorKind(lines)),
+      line_detector_kind_(lineDetectorKind(lines)),
       point_detectors_{PointDetector(points), PointDetector(points)},
-      line_stages_{makeLineStage(lines), makeLineStage(lines)},
+      line_detectors_{LineFeatureDetector(lines, line_detector_kind_),
+                      LineFeatureDetector(lines, line_detector_kind_)},
       octave_of_coarser_lines_(octaveOfCoarserLines(points)),
-      coarser_line_stages_{makeLineStage(ofLevel(octave_of_coarser_lines_, points, lines)),
-                           makeLineStage(ofLevel(octave_of_coarser_lines_, points, lines))} {}
-
-StereoFeatureDetector::LineStage StereoFeatureDetector::makeLineStage(
-    const LineParameters& lines) const {
-  LineStage stage{{}, LineDetector(lines), std::nullopt};
-  if (line_detector_ == LineDetectorKind::kLsd) stage.lsd.emplace(lines);
-  return stage;
-}
-
-std::vector<LineFeature> StereoFeatureDetector::LineStage::detect(const cv::Mat& image,
-                                                                  const FeatureMask& mask) {
-  computeGradient(image, &gradient);
-  if (!mask.empty()) gradient.coarse.setTo(cv::Scalar::all(0), mask.edges() == 0);
-  const std::vector<LineSegment> segments =
-      lsd ? lsd->detect(image, mask) : edge_chains.detect(gradient, mask);
-  const std::vector<Descriptor> descriptors = describeLines(gradient, segments);
-  std::vector<LineFeature> features;
-  features.reserve(segments.size());
-  for (std::size_t i = 0; i < segments.size(); ++i)
-    features.push_back({segments[i], descriptors[i]});
-  return features;
-}
+      coarser_line_detectors_{
+          coarserLineDetector(octave_of_coarser_lines_, points, lines, line_detector_kind_),
+          coarserLineDetector(octave_of_coarser_lines_, points, lines, line_detector_kind_)} {}
 
 DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads,
                                                const StereoMasks& masks) {
@@ -66,8 +47,7 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   // Lines first: they take longer.
   threads->run(4, [&](int task) {
     const auto side = static_cast<std::size_t>(task % 2);
-    if (task < 2 && line_detector_ != LineDetectorKind::kNone)
-      *lines[side] = line_stages_[side].detect(*pixels[side], *mask[side]);
+    if (task < 2) *lines[side] = line_detectors_[side].detect(*pixels[side], *mask[side]);
     if (task >= 2 && points_enabled_)
       *points[side] = point_detectors_[side].detectFinest(*pixels[side], *mask[side]);
   });
@@ -87,23 +67,22 @@ DetectedFeatures StereoFeatureDetector::detectCoarserLines(const ImagePyramid& l
                                                            const StereoMasks& masks) {
   DetectedFeatures features;
   const auto level = static_cast<std::size_t>(octave_of_coarser_lines_);
-  if (line_detector_ == LineDetectorKind::kNone || level == 0 || level >= left.levels.size())
+  if (line_detector_kind_ == LineDetectorKind::kNone || level == 0 || level >= left.levels.size())
     return features;
   threads->run(2, [&](int task) {
     const bool is_left = task == 0;
     (is_left ? features.lines_left : features.lines_right) =
         detectCoarserLines(is_left ? left : right, is_left ? masks.left : masks.right,
-                           &coarser_line_stages_[is_left ? 0 : 1]);
+                           &coarser_line_detectors_[is_left ? 0 : 1]);
   });
   return features;
 }
 
-std::vector<LineFeature> StereoFeatureDetector::detectCoarserLines(const ImagePyramid& image,
-                                                                   const FeatureMask& mask,
-                                                                   LineStage* stage) const {
+std::vector<LineFeature> StereoFeatureDetector::detectCoarserLines(
+    const ImagePyramid& image, const FeatureMask& mask, LineFeatureDetector* detector) const {
   const int octave = octave_of_coarser_lines_;
   std::vector<LineFeature> lines =
-      stage->detect(image.levels[static_cast<std::size_t>(octave)], mask.ofLevel(octave));
+      detector->detect(image.levels[static_cast<std::size_t>(octave)], mask.ofLevel(octave));
   for (LineFeature& line : lines) {
     line.segment.start = image.fromLevel(line.segment.start, octave);
     line.segment.end = image.fromLevel(line.segment.end, octave);

@@ -1,14 +1,11 @@
 #pragma once
 
 #include <array>
-#include <optional>
 
 #include "common/thread_pool.h"
 #include "features/feature_mask.h"
 #include "features/features.h"
-#include "features/gradient.h"
-#include "features/line_detector.h"
-#include "features/lsd_detector.h"
+#include "features/line_feature_detector.h"
 #include "features/point_detector.h"
 #include "point_line_odometry/parameters.h"
 #include "point_line_odometry/types.h"
@@ -22,7 +19,7 @@ class StereoFeatureDetector {
   StereoFeatureDetector(const PointParameters& points, const LineParameters& lines);
 
   /// The detector of line segments in use: that of lines/detector, or its fallback.
-  LineDetectorKind lineDetector() const { return line_detector_; }
+  LineDetectorKind lineDetector() const { return line_detector_kind_; }
 
   /// The same result whatever the number of threads. Images must be CV_8UC1. \param masks of the
   /// images, which are painted by them; those of `images` are not used.
@@ -42,25 +39,15 @@ class StereoFeatureDetector {
                                       ThreadPool* threads, const StereoMasks& masks = {});
 
  private:
-  /// Line detector of one image or level, with its scratch memory.
-  struct LineStage {
-    GradientImage gradient;
-    LineDetector edge_chains;
-    std::optional<LsdDetector> lsd;  // instead of edge_chains
-
-    std::vector<LineFeature> detect(const cv::Mat& image, const FeatureMask& mask);
-  };
-
-  LineStage makeLineStage(const LineParameters& lines) const;
   std::vector<LineFeature> detectCoarserLines(const ImagePyramid& image, const FeatureMask& mask,
-                                              LineStage* stage) const;
+                                              LineFeatureDetector* detector) const;
 
   bool points_enabled_;
-  LineDetectorKind line_detector_;
-  std::array<PointDetector, 2> point_detectors_;  // left, right
-  std::array<LineStage, 2> line_stages_;
+  LineDetectorKind line_detector_kind_;
+  std::array<PointDetector, 2> point_detectors_;       // left, right
+  std::array<LineFeatureDetector, 2> line_detectors_;  // likewise
   int octave_of_coarser_lines_;
-  std::array<LineStage, 2> coarser_line_stages_;
+  std::array<LineFeatureDetector, 2> coarser_line_detectors_;
 };
 
 }  // namespace point_line_odometry

@@ -100,8 +100,8 @@ LineObservation lineObservation(const LineSegment& left, const LineSegment& righ
 LineObservation lineObservation(const DetectedFeatures& features, const StereoLine& line,
                                 const FrameContext& context) {
   const LineFeature& left = features.lines_left[line.left];
-  return lineObservation(left.segment, features.lines_right[line.right].segment, left.scale,
-                         context);
+  const LineFeature& right = features.lines_right[line.right];
+  return lineObservation(left.segment, right.segment, std::max(left.scale, right.scale), context);
 }
 
 std::optional<AlignedPatch> alignInOctave(const PatchAligner& patch, const ImagePyramid& image,
