@@ -11,9 +11,9 @@ namespace point_line_odometry {
 cv::Mat areaReduced(const cv::Mat& image, const cv::Size& size);
 
 /// The image at half its size, each pixel the mean of four; the last row or column of an odd number
-/// is left out. Pixel (u, v) is at (2 u + 0.5, 2 v + 0.5) in the image. A special case of the above
-/// that takes a tenth of the time.
-/// \param image CV_8UC1. \param half its memory is reused if it has the size.
+/// is left out. Pixel (u, v) is at (2 u + 0.5, 2 v + 0.5) in the image. The same as areaReduced()
+/// of an even number of rows and columns, in a seventh of the time. \param image CV_8UC1. \param
+/// half its memory is reused if it has the size.
 void halve(const cv::Mat& image, cv::Mat* half);
 
 }  // namespace point_line_odometry
