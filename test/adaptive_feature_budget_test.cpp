@@ -213,10 +213,13 @@ TEST(WithFeatureBudget, ScalesTheNumbersOfFeaturesAndTheWeakestEdge) {
   parameters.points.max_per_cell = 20;
   parameters.lines.max_count = 300;
   parameters.lines.min_gradient = 5.0;
+  parameters.lines.coarse_to_fine_points = 600;
   const ParameterTexts changed =
       changedParameters(parameters, withFeatureBudget(parameters, {0.25, false}));
-  const ParameterTexts expected{
-      {"points/max_per_cell", "5"}, {"lines/max_count", "75"}, {"lines/min_gradient", "20"}};
+  const ParameterTexts expected{{"points/max_per_cell", "5"},
+                                {"lines/max_count", "75"},
+                                {"lines/min_gradient", "20"},
+                                {"lines/coarse_to_fine_points", "150"}};
   EXPECT_EQ(changed, expected);
   EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, {})).empty());
   parameters.tracking.landmark_frames = 2;

@@ -38,15 +38,9 @@ cv::Mat step(double normal_rad, double contrast, double noise = 0.0) {
   return bytes;
 }
 
-LineParameters coarseToFine() {
-  LineParameters parameters;
-  parameters.coarse_to_fine = true;
-  return parameters;
-}
-
-std::vector<LineFeature> detect(const cv::Mat& image,
-                                const LineParameters& parameters = coarseToFine()) {
-  return LineFeatureDetector(parameters, LineDetectorKind::kEdgeChains).detect(image);
+std::vector<LineFeature> detect(const cv::Mat& image, const LineParameters& parameters = {},
+                                LineSearch search = LineSearch::kCoarseToFine) {
+  return LineFeatureDetector(parameters, LineDetectorKind::kEdgeChains).detect(image, {}, search);
 }
 
 /// Largest distance of the ends from the edge.
@@ -84,7 +78,7 @@ TEST(LineFeatureDetector, FindsEdgesInTheNoiseOfAPixel) {
     const double angle = (degrees + 0.7) * M_PI / 180.0;
     const cv::Mat image = step(angle, 12.0, 6.0);
     coarse_to_fine += is_found(detect(image), angle) ? 1 : 0;
-    one_size += is_found(detect(image, LineParameters()), angle) ? 1 : 0;
+    one_size += is_found(detect(image, {}, LineSearch::kFullSize), angle) ? 1 : 0;
   }
   EXPECT_GE(coarse_to_fine, 22);
   EXPECT_LE(one_size, 15);
@@ -92,7 +86,7 @@ TEST(LineFeatureDetector, FindsEdgesInTheNoiseOfAPixel) {
 
 /// Too weak for an edge of the image itself, it is as exact as a pixel of half the size.
 TEST(LineFeatureDetector, AnEdgeTooWeakForTheImageItselfHasAScaleOfTwo) {
-  LineParameters parameters = coarseToFine();
+  LineParameters parameters;
   const double angle = 0.3;
   cv::Mat image;
   cv::GaussianBlur(step(angle, 40.0), image, {}, 4.0);  // 4 grey levels per pixel
@@ -111,7 +105,7 @@ TEST(LineFeatureDetector, AnEdgeTooWeakForTheImageItselfHasAScaleOfTwo) {
 TEST(LineFeatureDetector, LengthsAreThoseOfTheImage) {
   cv::Mat image(kSize, kSize, CV_8UC1, cv::Scalar(60));
   image(cv::Range(20, 80), cv::Range(40, 70)).setTo(180);
-  LineParameters parameters = coarseToFine();
+  LineParameters parameters;
   parameters.min_length_px = 45.0;
   const std::vector<LineFeature> lines = detect(image, parameters);
   ASSERT_EQ(lines.size(), 2U) << "of the bar's sides, not of its ends";
@@ -124,6 +118,7 @@ TEST(LineFeatureDetector, LengthsAreThoseOfTheImage) {
   EXPECT_EQ(detect(image, parameters).size(), 3U);
 }
 
+/// Also where they are not found in the same way: from one frame to the next that may change.
 TEST(LineFeatureDetector, DescriptorsTellEdgesApart) {
   cv::Mat texture(kSize, 2 * kSize, CV_32FC1);
   cv::RNG(2).fill(texture, cv::RNG::NORMAL, 0.0, 1.0);
@@ -132,8 +127,8 @@ TEST(LineFeatureDetector, DescriptorsTellEdgesApart) {
   for (const int x : {100, 300}) cv::Mat(texture.colRange(x, x + 100)) += 70.0F;
   cv::Mat image;
   texture.convertTo(image, CV_8UC1, 1.0, 100.0);
-  const auto edgesAt = [&](const cv::Mat& seen, float column) {
-    std::vector<LineFeature> lines = detect(seen);
+  const auto edgesAt = [&](const cv::Mat& seen, float column, LineSearch search) {
+    std::vector<LineFeature> lines = detect(seen, {}, search);
     lines.erase(std::remove_if(lines.begin(), lines.end(),
                                [&](const LineFeature& line) {
                                  return line.segment.length() < 100.0F ||
@@ -143,55 +138,77 @@ TEST(LineFeatureDetector, DescriptorsTellEdgesApart) {
     return lines;
   };
   const cv::Mat moved = image.colRange(7, 2 * kSize).clone();
-  const auto first = edgesAt(image, 99.5F);
-  const auto again = edgesAt(moved, 92.5F);
-  const auto other = edgesAt(image, 299.5F);
-  ASSERT_TRUE(first.size() == 1 && again.size() == 1 && other.size() == 1);
-  const int same = hammingDistance(first[0].descriptor, again[0].descriptor);
-  EXPECT_LT(same, 20);
-  EXPECT_GT(hammingDistance(first[0].descriptor, other[0].descriptor), same + 15);
+  struct Searches {
+    LineSearch first;
+    LineSearch again;
+    int max_distance;
+  };
+  for (const Searches& searches :
+       {Searches{LineSearch::kCoarseToFine, LineSearch::kCoarseToFine, 20},
+        Searches{LineSearch::kFullSize, LineSearch::kCoarseToFine, 40},
+        Searches{LineSearch::kCoarseToFine, LineSearch::kFullSize, 40}}) {
+    const auto first = edgesAt(image, 99.5F, searches.first);
+    const auto again = edgesAt(moved, 92.5F, searches.again);
+    const auto other = edgesAt(image, 299.5F, searches.first);
+    ASSERT_TRUE(first.size() == 1 && again.size() == 1 && other.size() == 1);
+    const int same = hammingDistance(first[0].descriptor, again[0].descriptor);
+    EXPECT_LT(same, searches.max_distance);
+    EXPECT_GT(hammingDistance(other[0].descriptor, again[0].descriptor), same + 15);
+  }
 }
 
 TEST(LineFeatureDetector, EdgesEndAtMaskedPixels) {
   const cv::Mat image = step(0.0, 100.0);  // upright, at column 100
   cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(255));
   mask.rowRange(121, kSize).setTo(0);
-  LineFeatureDetector detector(coarseToFine(), LineDetectorKind::kEdgeChains);
-  const std::vector<LineFeature> lines = detector.detect(image, FeatureMask(mask));
+  LineFeatureDetector detector({}, LineDetectorKind::kEdgeChains);
+  const std::vector<LineFeature> lines =
+      detector.detect(image, FeatureMask(mask), LineSearch::kCoarseToFine);
   ASSERT_EQ(lines.size(), 1U);
   for (const Vector2f& end : {lines[0].segment.start, lines[0].segment.end})
     EXPECT_LT(end.y(), 121.0F - FeatureMask::kEdgeMargin);
   EXPECT_GT(lines[0].segment.length(), 90.0F);
-  EXPECT_TRUE(
-      detector.detect(image, FeatureMask(cv::Mat(mask.size(), CV_8UC1, cv::Scalar(0)))).empty());
+  const FeatureMask all(cv::Mat(mask.size(), CV_8UC1, cv::Scalar(0)));
+  EXPECT_TRUE(detector.detect(image, all, LineSearch::kCoarseToFine).empty());
 }
 
 TEST(LineFeatureDetector, OddAndTinySizes) {
-  LineFeatureDetector detector(coarseToFine(), LineDetectorKind::kEdgeChains);
+  LineFeatureDetector detector({}, LineDetectorKind::kEdgeChains);
   const cv::Mat image = step(0.0, 100.0);
   for (const int cut : {0, 1}) {
     const cv::Mat odd = image(cv::Rect(0, 0, kSize - cut, kSize - cut));
-    const std::vector<LineFeature> lines = detector.detect(odd);
+    const std::vector<LineFeature> lines = detector.detect(odd, {}, LineSearch::kCoarseToFine);
     ASSERT_EQ(lines.size(), 1U);
     EXPECT_LT(offsetOf(lines[0].segment, 0.0), 0.08F);
   }
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(1, 50), cv::Size(2, 2), cv::Size(5, 7)}) {
     cv::Mat noise(size, CV_8UC1);
     cv::randu(noise, 0, 256);
-    EXPECT_TRUE(detector.detect(noise).empty()) << size;
+    EXPECT_TRUE(detector.detect(noise, {}, LineSearch::kCoarseToFine).empty()) << size;
   }
 }
 
+TEST(LineFeatureDetector, IsCoarseToFineWherePointsAreMany) {
+  LineParameters parameters;
+  parameters.coarse_to_fine_points = 300;
+  EXPECT_EQ(lineSearchAfter(0, parameters), LineSearch::kFullSize);
+  EXPECT_EQ(lineSearchAfter(299, parameters), LineSearch::kFullSize);
+  EXPECT_EQ(lineSearchAfter(300, parameters), LineSearch::kCoarseToFine);
+  parameters.coarse_to_fine_points = 0;
+  EXPECT_EQ(lineSearchAfter(0, parameters), LineSearch::kCoarseToFine);
+}
+
 TEST(LineFeatureDetector, WithoutADetectorThereAreNone) {
-  LineFeatureDetector detector(coarseToFine(), LineDetectorKind::kNone);
-  EXPECT_TRUE(detector.detect(step(0.0, 100.0)).empty());
+  LineFeatureDetector detector({}, LineDetectorKind::kNone);
+  for (const LineSearch search : {LineSearch::kFullSize, LineSearch::kCoarseToFine})
+    EXPECT_TRUE(detector.detect(step(0.0, 100.0), {}, search).empty());
 }
 
 TEST(LineFeatureDetector, LsdTakesTheImageItself) {
   if (!LsdDetector::isAvailable()) GTEST_SKIP() << "this OpenCV has no line segment detector";
   const cv::Mat image = step(0.4, 100.0);
   const std::vector<LineFeature> lines =
-      LineFeatureDetector(coarseToFine(), LineDetectorKind::kLsd).detect(image);
+      LineFeatureDetector({}, LineDetectorKind::kLsd).detect(image, {}, LineSearch::kCoarseToFine);
   const std::vector<LineSegment> segments = LsdDetector({}).detect(image);
   ASSERT_EQ(lines.size(), segments.size());
   ASSERT_FALSE(lines.empty());

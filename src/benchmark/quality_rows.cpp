@@ -63,7 +63,8 @@ void keepCommonNumber(std::array<Views, kNumDetectors>* views) {
 class QualityMeasurement {
  public:
   QualityMeasurement(const BenchmarkInput& input, const Parameters& parameters)
-      : line_detector_(parameters.lines, LineDetectorKind::kEdgeChains) {
+      : line_detector_(parameters.lines, LineDetectorKind::kEdgeChains),
+        line_search_(lineSearchAfter(0, parameters.lines)) {
     for (std::size_t i = 0; i < input.numSamples(); ++i) addPair(input.sample(i));
   }
 
@@ -122,7 +123,8 @@ class QualityMeasurement {
     if (detector == kLsd) {
       segments = yardstick_.detect(image);
     } else {
-      for (const LineFeature& line : line_detector_.detect(image)) segments.push_back(line.segment);
+      for (const LineFeature& line : line_detector_.detect(image, {}, line_search_))
+        segments.push_back(line.segment);
     }
     *time_ms += elapsedMs(begin);
     return longSegments(std::move(segments), options_);
@@ -141,6 +143,7 @@ class QualityMeasurement {
 
   QualityOptions options_;
   LineFeatureDetector line_detector_;
+  LineSearch line_search_;
   Yardstick yardstick_;
   std::array<std::array<Quality, kNumBudgets>, kNumDetectors> qualities_;
 };

@@ -12,9 +12,8 @@ namespace point_line_odometry {
 namespace {
 
 constexpr int kBands = 9;
-constexpr int kBandWidth = 7;
-constexpr int kRows = kBands * kBandWidth;
-constexpr int kMiddleRow = kRows / 2;
+constexpr int kMaxBandWidth = 7;
+constexpr int kMaxRows = kBands * kMaxBandWidth;
 constexpr int kMaxSamples = 32;  // along the segment; longer ones are sampled more sparsely
 constexpr int kSums =
     4;  // gradient along the line and along its normal, positive and negative parts
@@ -22,7 +21,7 @@ constexpr int kPerBand = 2 * kSums;
 constexpr int kPairs = 32;
 
 using Gradient = cv::Vec<schar, 2>;  // as in GradientImage::coarse
-using RowSums = std::array<std::array<float, kSums>, kRows>;
+using RowSums = std::array<std::array<float, kSums>, kMaxRows>;
 using BandStatistics = std::array<std::array<float, kPerBand>, kBands>;
 
 struct BandPair {
@@ -48,7 +47,7 @@ std::array<BandPair, kPairs> bandPairs() {
 /// offsets in GradientImage::coarse.
 class SampleGrid {
  public:
-  SampleGrid(const LineSegment& anywhere, const cv::Mat& coarse)
+  SampleGrid(const LineSegment& anywhere, const cv::Mat& coarse, int num_rows)
       : origin_(coarse.ptr<Gradient>()), stride_(static_cast<std::int32_t>(coarse.step1() / 2)) {
     // Detectors' segments may end a little outside the image.
     const LineSegment segment{nearImage(anywhere.start, coarse.size()),
@@ -59,8 +58,8 @@ class SampleGrid {
     const Eigen::Vector2f step = (segment.end - segment.start) / static_cast<float>(count_ - 1);
     for (int i = 0; i < count_; ++i) steps_[i] = nearestPixel(step * static_cast<float>(i));
     for (int i = 0; i < count_; ++i) masks_[i / 4] |= std::uint64_t{0xFFFF} << (16 * (i % 4));
-    for (int row = 0; row < kRows; ++row)
-      begins_[row] = nearestPixel(segment.start + normal * static_cast<float>(row - kMiddleRow));
+    for (int row = 0; row < num_rows; ++row)
+      begins_[row] = nearestPixel(segment.start + normal * static_cast<float>(row - num_rows / 2));
   }
 
   int count() const { return count_; }
@@ -74,7 +73,7 @@ class SampleGrid {
 
  private:
   static constexpr int kMaxOutside = 2;  // of the ends [px]
-  static_assert(GradientImage::kCoarseMargin >= kMaxOutside + kMiddleRow + 1,
+  static_assert(GradientImage::kCoarseMargin >= kMaxOutside + kMaxRows / 2 + 1,
                 "all rows of a segment can be read");
 
   static Eigen::Vector2f nearImage(const Eigen::Vector2f& p, cv::Size size) {
@@ -103,8 +102,9 @@ class SampleGrid {
   int count_ = 0;
   std::array<std::int32_t, kMaxSamples> steps_{};
   std::array<std::uint64_t, kMaxSamples / 4> masks_{};
-  std::array<std::int32_t, kRows> begins_{};
+  std::array<std::int32_t, kMaxRows> begins_{};
 };
+
 /// Sum of the components of gradients along one direction, and sum of their sizes.
 struct ComponentSums {
   cv::v_int32x4 sum = cv::v_setzero_s32();
@@ -126,7 +126,7 @@ struct ComponentSums {
 };
 
 /// Sums of the gradient in the segment's own axes, for each row of pixels parallel to it.
-RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
+RowSums sumRows(const GradientImage& gradient, const LineSegment& segment, int num_rows) {
   // In fixed point: 8 bits of a gradient, 13 of a direction, and 5 of the number of samples.
   constexpr float kOne = 4096.0F;
   const Eigen::Vector2f direction = segment.direction();
@@ -135,10 +135,10 @@ RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
   const auto minus_y = static_cast<std::int16_t>(-y);
   const cv::v_int16x8 along(x, y, x, y, x, y, x, y);
   const cv::v_int16x8 normal(minus_y, x, minus_y, x, minus_y, x, minus_y, x);
-  const SampleGrid grid(segment, gradient.coarse);
+  const SampleGrid grid(segment, gradient.coarse, num_rows);
   const float half_mean = 0.5F / (kOne * static_cast<float>(grid.count()));
   RowSums rows{};
-  for (int row = 0; row < kRows; ++row) {
+  for (int row = 0; row < num_rows; ++row) {
     ComponentSums sums_along;
     ComponentSums sums_normal;
     for (int i = 0; i < grid.count(); i += 8) {
@@ -157,18 +157,24 @@ RowSums sumRows(const GradientImage& gradient, const LineSegment& segment) {
   return rows;
 }
 
-/// Gaussian weights of the rows in each band and its two neighbours.
-struct BandWeights {
-  std::array<std::array<float, kRows>, kBands> of_row{};
+/// The rows of pixels beside a segment: their bands, and Gaussian weights in each band and its two
+/// neighbours.
+struct Bands {
+  int width;     ///< rows
+  int num_rows;  ///< of all bands
+  std::array<std::array<float, kMaxRows>, kBands> weight_of_row{};
 
-  BandWeights() {
-    constexpr float kCentre = 0.5F * (kRows - 1);
+  /// \param width_px at most kMaxBandWidth.
+  explicit Bands(int width_px) : width(width_px), num_rows(kBands * width_px) {
+    const auto band_width = static_cast<float>(width);
+    const float centre = 0.5F * static_cast<float>(num_rows - 1);
     for (int band = 0; band < kBands; ++band) {
-      const float band_centre = (static_cast<float>(band) + 0.5F) * kBandWidth - 0.5F;
-      for (int row = 0; row < kRows; ++row) {
-        const float from_line = (static_cast<float>(row) - kCentre) / (0.5F * kCentre);
-        const float from_band = (static_cast<float>(row) - band_centre) / kBandWidth;
-        of_row[band][row] = std::exp(-0.5F * (from_line * from_line + from_band * from_band));
+      const float band_centre = (static_cast<float>(band) + 0.5F) * band_width - 0.5F;
+      for (int row = 0; row < num_rows; ++row) {
+        const float from_line = (static_cast<float>(row) - centre) / (0.5F * centre);
+        const float from_band = (static_cast<float>(row) - band_centre) / band_width;
+        weight_of_row[band][row] =
+            std::exp(-0.5F * (from_line * from_line + from_band * from_band));
       }
     }
   }
@@ -176,16 +182,16 @@ struct BandWeights {
 
 /// Weighted mean and standard deviation of the row sums in each band and its two neighbours (Zhang
 /// and Koch 2013, eq. 3-5).
-BandStatistics summariseBands(const RowSums& rows, const BandWeights& weights) {
-  BandStatistics bands{};
+BandStatistics summariseBands(const RowSums& rows, const Bands& bands) {
+  BandStatistics statistics{};
   for (int band = 0; band < kBands; ++band) {
-    const int begin = std::max((band - 1) * kBandWidth, 0);
-    const int end = std::min((band + 2) * kBandWidth, kRows);
+    const int begin = std::max((band - 1) * bands.width, 0);
+    const int end = std::min((band + 2) * bands.width, bands.num_rows);
     std::array<float, kSums> mean{};
     std::array<float, kSums> square{};
     for (int row = begin; row < end; ++row) {
       for (int k = 0; k < kSums; ++k) {
-        const float value = weights.of_row[band][row] * rows[row][k];
+        const float value = bands.weight_of_row[band][row] * rows[row][k];
         mean[k] += value;
         square[k] += value * value;
       }
@@ -193,28 +199,30 @@ BandStatistics summariseBands(const RowSums& rows, const BandWeights& weights) {
     const auto count = static_cast<float>(end - begin);
     for (int k = 0; k < kSums; ++k) {
       const float average = mean[k] / count;
-      bands[band][k] = average;
-      bands[band][kSums + k] = std::sqrt(std::max(square[k] / count - average * average, 0.0F));
+      statistics[band][k] = average;
+      statistics[band][kSums + k] =
+          std::sqrt(std::max(square[k] / count - average * average, 0.0F));
     }
   }
-  return bands;
+  return statistics;
 }
 
 }  // namespace
 
 std::vector<Descriptor> describeLines(const GradientImage& gradient,
-                                      const std::vector<LineSegment>& segments) {
+                                      const std::vector<LineSegment>& segments, int pixel_size) {
   const std::array<BandPair, kPairs> pairs = bandPairs();
-  const BandWeights weights;
+  const Bands bands((kMaxBandWidth + pixel_size - 1) / pixel_size);
   std::vector<Descriptor> descriptors;
   descriptors.reserve(segments.size());
   for (const LineSegment& segment : segments) {
-    const BandStatistics bands = summariseBands(sumRows(gradient, segment), weights);
+    const BandStatistics statistics =
+        summariseBands(sumRows(gradient, segment, bands.num_rows), bands);
     Descriptor descriptor{};
     for (int pair = 0; pair < kPairs; ++pair) {
       for (int k = 0; k < kPerBand; ++k) {
         const int bit = pair * kPerBand + k;
-        const bool larger = bands[pairs[pair].first][k] > bands[pairs[pair].second][k];
+        const bool larger = statistics[pairs[pair].first][k] > statistics[pairs[pair].second][k];
         descriptor[bit / 64] |= static_cast<std::uint64_t>(larger) << (bit % 64);
       }
     }

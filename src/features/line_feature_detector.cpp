@@ -9,11 +9,13 @@
 namespace point_line_odometry {
 namespace {
 
+constexpr int kHalfSize = 2;  // of a pixel
+
 /// The least gradient stays: that of a sharp edge is the same in pixels twice as large.
 LineDetector detectorAtHalfSize(LineParameters parameters) {
   parameters.min_length_px *= 0.5;
   parameters.max_deviation_px *= 0.5;
-  return LineDetector(parameters, 2);
+  return LineDetector(parameters, kHalfSize);
 }
 
 LineSegment fromHalfSize(const LineSegment& half_px) {
@@ -25,20 +27,26 @@ LineSegment fromHalfSize(const LineSegment& half_px) {
 
 }  // namespace
 
+LineSearch lineSearchAfter(std::size_t num_points, const LineParameters& parameters) {
+  return num_points >= static_cast<std::size_t>(parameters.coarse_to_fine_points)
+             ? LineSearch::kCoarseToFine
+             : LineSearch::kFullSize;
+}
+
 LineFeatureDetector::LineFeatureDetector(const LineParameters& parameters, LineDetectorKind kind)
     : parameters_(parameters),
       kind_(kind),
-      coarse_to_fine_(parameters.coarse_to_fine && kind == LineDetectorKind::kEdgeChains),
-      edge_chains_(coarse_to_fine_ ? detectorAtHalfSize(parameters) : LineDetector(parameters)) {
+      edge_chains_(parameters),
+      edge_chains_at_half_size_(detectorAtHalfSize(parameters)) {
   if (kind == LineDetectorKind::kLsd) lsd_.emplace(parameters);
 }
 
-std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image,
-                                                     const FeatureMask& mask) {
+std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image, const FeatureMask& mask,
+                                                     LineSearch search) {
   if (kind_ == LineDetectorKind::kNone || image.cols < 2 || image.rows < 2) return {};
-  if (!coarse_to_fine_) return detectAtOneSize(image, mask);
+  if (search == LineSearch::kFullSize || lsd_) return detectAtOneSize(image, mask, 1);
   halve(image, &half_);
-  std::vector<LineFeature> lines = detectAtOneSize(half_, mask.half());
+  std::vector<LineFeature> lines = detectAtOneSize(half_, mask.half(), kHalfSize);
   for (LineFeature& line : lines) {
     const LineSegment found = fromHalfSize(line.segment);
     const std::optional<LineSegment> aligned = alignEdge(image, mask, found, parameters_);
@@ -49,12 +57,14 @@ std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image,
 }
 
 std::vector<LineFeature> LineFeatureDetector::detectAtOneSize(const cv::Mat& image,
-                                                              const FeatureMask& mask) {
+                                                              const FeatureMask& mask,
+                                                              int pixel_size) {
   computeGradient(image, &gradient_);
   if (!mask.empty()) gradient_.coarse.setTo(cv::Scalar::all(0), mask.edges() == 0);
+  LineDetector& edge_chains = pixel_size == kHalfSize ? edge_chains_at_half_size_ : edge_chains_;
   const std::vector<LineSegment> segments =
-      lsd_ ? lsd_->detect(image, mask) : edge_chains_.detect(gradient_, mask);
-  const std::vector<Descriptor> descriptors = describeLines(gradient_, segments);
+      lsd_ ? lsd_->detect(image, mask) : edge_chains.detect(gradient_, mask);
+  const std::vector<Descriptor> descriptors = describeLines(gradient_, segments, pixel_size);
   std::vector<LineFeature> lines;
   lines.reserve(segments.size());
   for (std::size_t i = 0; i < segments.size(); ++i) lines.push_back({segments[i], descriptors[i]});

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -13,10 +14,20 @@
 
 namespace point_line_odometry {
 
-/// Detects and describes the line segments of an image. With lines/coarse_to_fine, edge chains are
-/// found in the image at half its size, whose pixels are a quarter and have half of the noise; then
-/// each segment is aligned with the edge in the image itself (alignEdge()). One whose edge is too
-/// weak there stays where it was found, with a scale of 2.
+/// Where line segments are looked for.
+enum class LineSearch {
+  kFullSize,      ///< in the image
+  kCoarseToFine,  ///< in the image at half its size; edge chains only
+};
+
+/// How the lines of a frame are looked for: coarse to fine where points are many and so determine
+/// the motion. \param num_points located in the previous frame; 0 without one.
+LineSearch lineSearchAfter(std::size_t num_points, const LineParameters& parameters);
+
+/// Detects and describes the line segments of an image. Coarse to fine, edge chains are found in
+/// the image at half its size, whose pixels are a quarter and have half of the noise; then each
+/// segment is aligned with the edge in the image itself (alignEdge()). One whose edge is too weak
+/// there stays where it was found, with a scale of 2.
 class LineFeatureDetector {
  public:
   /// Throws std::runtime_error if the detector is OpenCV's LSD, and OpenCV has none.
@@ -24,16 +35,18 @@ class LineFeatureDetector {
 
   /// The longest first, at most max_count of them. \param image CV_8UC1. \param mask edges end
   /// where masked pixels begin.
-  std::vector<LineFeature> detect(const cv::Mat& image, const FeatureMask& mask = {});
+  std::vector<LineFeature> detect(const cv::Mat& image, const FeatureMask& mask = {},
+                                  LineSearch search = LineSearch::kFullSize);
 
  private:
-  std::vector<LineFeature> detectAtOneSize(const cv::Mat& image, const FeatureMask& mask);
+  std::vector<LineFeature> detectAtOneSize(const cv::Mat& image, const FeatureMask& mask,
+                                           int pixel_size);
 
   LineParameters parameters_;
   LineDetectorKind kind_;
-  bool coarse_to_fine_;  // not OpenCV's LSD
   LineDetector edge_chains_;
-  std::optional<LsdDetector> lsd_;  // instead of edge_chains_
+  LineDetector edge_chains_at_half_size_;
+  std::optional<LsdDetector> lsd_;  // instead of edge chains
 
   // Scratch memory, reused for each image.
   cv::Mat half_;

@@ -19,7 +19,6 @@ int octaveOfCoarserLines(const PointParameters& points) {
 LineFeatureDetector coarserLineDetector(int octave, const PointParameters& points,
                                         LineParameters lines, LineDetectorKind kind) {
   lines.min_gradient /= std::pow(points.scale_factor, octave);
-  lines.coarse_to_fine = false;
   return LineFeatureDetector(lines, kind);
 }
 
@@ -38,7 +37,7 @@ StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
           coarserLineDetector(octave_of_coarser_lines_, points, lines, line_detector_kind_)} {}
 
 DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads,
-                                               const StereoMasks& masks) {
+                                               const StereoMasks& masks, LineSearch line_search) {
   DetectedFeatures features;
   const std::array<const cv::Mat*, 2> pixels{&images.left, &images.right};
   const std::array<const FeatureMask*, 2> mask{&masks.left, &masks.right};
@@ -47,7 +46,8 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   // Lines first: they take longer.
   threads->run(4, [&](int task) {
     const auto side = static_cast<std::size_t>(task % 2);
-    if (task < 2) *lines[side] = line_detectors_[side].detect(*pixels[side], *mask[side]);
+    if (task < 2)
+      *lines[side] = line_detectors_[side].detect(*pixels[side], *mask[side], line_search);
     if (task >= 2 && points_enabled_)
       *points[side] = point_detectors_[side].detectFinest(*pixels[side], *mask[side]);
   });

@@ -90,8 +90,11 @@ Parameters withFeatureBudget(Parameters parameters, const FeatureBudget& budget)
   const double share = budget.share;
   if (budget.landmark_frames)
     parameters.tracking.landmark_frames = std::max(parameters.tracking.landmark_frames, 1);
+  const auto share_of = [&](int count) { return static_cast<int>(std::lround(share * count)); };
   for (int* count : {&parameters.points.max_per_cell, &parameters.lines.max_count})
-    *count = std::max(1, static_cast<int>(std::lround(share * *count)));
+    *count = std::max(1, share_of(*count));
+  // Otherwise lines would take longer where there are fewer points.
+  parameters.lines.coarse_to_fine_points = share_of(parameters.lines.coarse_to_fine_points);
   if (share < 1.0) {
     double& gradient = parameters.lines.min_gradient;
     gradient = std::max(gradient, std::min(gradient / share, kLargestGradient));

@@ -36,13 +36,13 @@ void addLevels(FrameContext* context, ThreadPool* threads) {
   });
 }
 
-StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
-                           ThreadPool* threads, StageTimes* times) {
+StereoFrame detectFeatures(StereoFeatureDetector* detector, LineSearch line_search,
+                           const FrameContext& context, ThreadPool* threads, StageTimes* times) {
   const StageTimer timer(times, Stage::kDetect);
   StereoFrame frame;
   frame.stamp_ns = context.images.stamp_ns;
   frame.left_image = ImagePyramid(context.images.left.clone());
-  frame.features = detector->detect(context.images, threads, context.masks);
+  frame.features = detector->detect(context.images, threads, context.masks, line_search);
   return frame;
 }
 

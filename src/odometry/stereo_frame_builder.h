@@ -15,8 +15,8 @@ namespace point_line_odometry {
 void addLevels(FrameContext* context, ThreadPool* threads);
 
 /// A stereo frame with the features detected in both images, not matched yet.
-StereoFrame detectFeatures(StereoFeatureDetector* detector, const FrameContext& context,
-                           ThreadPool* threads, StageTimes* times);
+StereoFrame detectFeatures(StereoFeatureDetector* detector, LineSearch line_search,
+                           const FrameContext& context, ThreadPool* threads, StageTimes* times);
 
 /// Matches the features of a frame left with right and triangulates. Where the image has few
 /// points, coarser levels of the pyramid are used, too. \param start nothing without a previous

@@ -133,7 +133,11 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(*std::move(tracked), prior, result);
     return;
   }
-  const StereoFrame detected = detectFeatures(&detector, context, threads.get(), &result->times);
+  const std::optional<StereoFrame>& previous = state.history.previous;
+  const LineSearch line_search =
+      lineSearchAfter(previous ? previous->points.size() : 0, parameters.lines);
+  const StereoFrame detected =
+      detectFeatures(&detector, line_search, context, threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
     const StereoFrame first =
         matchFeatures(detected, &detector, state.trackingStart(context, prior), &context,
