@@ -226,8 +226,11 @@ TEST(WithFeatureBudget, ScalesTheNumbersOfFeaturesAndTheWeakestEdge) {
   EXPECT_TRUE(changedParameters(parameters, withFeatureBudget(parameters, {1.0, true})).empty());
   parameters.tracking.landmark_frames = 0;
   EXPECT_EQ(withFeatureBudget(parameters, {1.0, true}).tracking.landmark_frames, 1);
-  EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, {1e-6, true})).empty())
-      << "at least one";
+  const Parameters least = withFeatureBudget(parameters, {1e-6, true});
+  EXPECT_TRUE(checkParameters(least).empty()) << "at least one";
+  EXPECT_EQ(least.lines.coarse_to_fine_points, 1);
+  parameters.lines.coarse_to_fine_points = 0;
+  EXPECT_EQ(withFeatureBudget(parameters, {0.25, true}).lines.coarse_to_fine_points, 0);
   parameters.lines.min_gradient = 200.0;
   EXPECT_TRUE(checkParameters(withFeatureBudget(parameters, {0.2, true})).empty())
       << "at most the largest";

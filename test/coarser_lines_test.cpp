@@ -58,7 +58,7 @@ class CoarserLinesTest : public ::testing::Test {
     StereoFrame frame;
     StereoFeatureDetector detector(parameters_.points, parameters_.lines);
     frame.left_image = context.left;
-    frame.features = detector.detect(context.images, &threads_);
+    frame.features = detector.detect(context.images, LineResolution::kFull, &threads_);
     triangulateMatches(matchStereo(frame.features, correction_, parameters_.matching, &threads_),
                        context, &threads_, &frame);
     return frame;

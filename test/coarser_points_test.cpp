@@ -71,7 +71,7 @@ class CoarserPointsTest : public ::testing::Test {
     ThreadPool threads(2);
     Frames frames;
     frames.finest.left_image = context.left;
-    frames.finest.features = detector.detect(images, &threads);
+    frames.finest.features = detector.detect(images, LineResolution::kFull, &threads);
     triangulateMatches(
         matchStereo(frames.finest.features, correction, parameters_.matching, &threads), context,
         &threads, &frames.finest);

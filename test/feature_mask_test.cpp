@@ -191,11 +191,13 @@ TEST(FeatureMask, NoSegmentTouchesMaskedPixels) {
     StereoFeatureDetector both({}, lines);
     ThreadPool threads(1);
     StereoImages images = synthetic::frame(0);
-    const std::size_t without = both.detect(images, &threads).lines_left.size();
+    const std::size_t without =
+        both.detect(images, LineResolution::kFull, &threads).lines_left.size();
     const FeatureMask mask(maskOf(kMasked));
     images.left = mask.paint(images.left);
     images.right = mask.paint(images.right);
-    const DetectedFeatures found = both.detect(images, &threads, {mask, mask});
+    const DetectedFeatures found =
+        both.detect(images, LineResolution::kFull, &threads, {mask, mask});
     EXPECT_GT(found.lines_left.size(), without / 3) << detector;
     EXPECT_LT(found.lines_left.size(), without) << detector;
     for (const auto* lines_found : {&found.lines_left, &found.lines_right}) {
@@ -216,7 +218,8 @@ TEST(FeatureMask, AnEdgeIsCutNotLost) {
   images.left = mask.paint(images.left);
   StereoFeatureDetector detector({}, {});
   ThreadPool threads(1);
-  const DetectedFeatures found = detector.detect(images, &threads, {mask, {}});
+  const DetectedFeatures found =
+      detector.detect(images, LineResolution::kFull, &threads, {mask, {}});
   ASSERT_EQ(found.lines_left.size(), 1U);
   EXPECT_NEAR(found.lines_left[0].segment.length(), 300.0F - FeatureMask::kEdgeMargin, 4.0F);
   ASSERT_EQ(found.lines_right.size(), 1U);

@@ -43,7 +43,7 @@ class FusionTest : public ::testing::Test {
     StereoFrame frame;
     frame.stamp_ns = images_[i].stamp_ns;
     frame.left_image = ImagePyramid(images_[i].left);
-    frame.features = detector.detect(images_[i], &threads_);
+    frame.features = detector.detect(images_[i], LineResolution::kFull, &threads_);
     triangulateMatches(matchStereo(frame.features, correction_, parameters_.matching, &threads_),
                        context, &threads_, &frame);
     return frame;

@@ -460,7 +460,8 @@ TEST(LineDetectorKind, InUseIsReported) {
   parameters.detector = "lsd_or_edge_chains";
   StereoFeatureDetector detector({}, parameters);
   ThreadPool threads(2);
-  const DetectedFeatures features = detector.detect(synthetic::frame(0), &threads);
+  const DetectedFeatures features =
+      detector.detect(synthetic::frame(0), LineResolution::kFull, &threads);
   const cv::Mat& image = synthetic::frame(0).left;
   const bool lsd = LsdDetector::isAvailable();
   EXPECT_EQ(detector.lineDetector(), lsd ? LineDetectorKind::kLsd : LineDetectorKind::kEdgeChains);

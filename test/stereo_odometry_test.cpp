@@ -187,6 +187,31 @@ TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
   }
 }
 
+TEST(StereoOdometry, LinesAreCoarseToFineAfterTrackedFramesWithManyPoints) {
+  const auto detectedLines = [](int coarse_to_fine_points, int black_frame) {
+    Parameters parameters = roomParameters();
+    parameters.lines.coarse_to_fine_points = coarse_to_fine_points;
+    StereoOdometry odometry(kCamera, parameters);
+    std::vector<int> lines;
+    for (int k = 0; k < kFrames; ++k) {
+      const bool is_black = k == black_frame;
+      lines.push_back(
+          odometry.process(is_black ? black((k + 1) * kPeriodNs) : frame(k)).counts.lines_left);
+    }
+    return lines;
+  };
+  constexpr int kBlack = 4;
+  const std::vector<int> coarse_to_fine = detectedLines(0, kBlack);
+  const std::vector<int> full = detectedLines(100000, kBlack);
+  const std::vector<int> by_points = detectedLines(20, kBlack);
+  for (int k = 0; k < kFrames; ++k) {
+    if (k == kBlack) continue;
+    ASSERT_NE(coarse_to_fine[k], full[k]);
+    const bool after_a_motion = k >= 2 && k != kBlack + 1;
+    EXPECT_EQ(by_points[k], after_a_motion ? coarse_to_fine[k] : full[k]) << k;
+  }
+}
+
 TEST(StereoOdometry, PointsOnly) {
   Parameters parameters = roomParameters();
   parameters.lines.enabled = false;

@@ -21,7 +21,7 @@ StereoFrame frameWith(const FrameContext& context) {
   ThreadPool threads(1);
   StereoFrame frame;
   frame.left_image = context.left;
-  frame.features = detector.detect(context.images, &threads);
+  frame.features = detector.detect(context.images, LineResolution::kFull, &threads);
   triangulateMatches(
       matchStereo(frame.features, context.correction, context.parameters.matching, &threads),
       context, &threads, &frame);

@@ -201,9 +201,9 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("lines/max_deviation_px", p.lines.max_deviation_px, 0.2, 5.0, "px",
         "how far edge pixels may lie from their segment; edge_chains only");
   visit("lines/coarse_to_fine_points", p.lines.coarse_to_fine_points, 0, 100000, "",
-        "after a frame with at least as many stereo points, segments are found in the images at "
-        "half their size and aligned in the images themselves, in half of the time; fewer short "
-        "ones are found. 0: in all frames; edge_chains only");
+        "after a frame with at least this many stereo points, segments are found in the images at "
+        "half their size and aligned in the full ones, which halves the time for lines; fewer "
+        "short ones are found. 0: in all frames; edge_chains only");
 
   visit("matching/max_disparity_px", p.matching.max_disparity_px, 1.0, 2000.0, "px",
         "largest disparity searched; sets the nearest depth");

@@ -69,7 +69,8 @@ a motion, the others: mean of each stage [ms].
 INPUT/segments compares the segments longer than 20 px with those of OpenCV's
 detector, over up to 10 pairs spread over the sequence: all, and the n longest of
 each, n the number of the one that finds fewer. Points along the segments are tracked
-to the other images. The time is that of a detection.
+to the other images. The time is that of a detection, at full size unless
+lines/coarse_to_fine_points is 0.
   segments, length_px   number in an image, and their total length
   right, next           share found again in the right image and in the next frame:
                         within 2 px, 5 deg and with half of the length in common

@@ -64,7 +64,7 @@ class QualityMeasurement {
  public:
   QualityMeasurement(const BenchmarkInput& input, const Parameters& parameters)
       : line_detector_(parameters.lines, LineDetectorKind::kEdgeChains),
-        line_search_(lineSearchAfter(0, parameters.lines)) {
+        resolution_(lineResolutionAfter(0, parameters.lines)) {
     for (std::size_t i = 0; i < input.numSamples(); ++i) addPair(input.sample(i));
   }
 
@@ -123,7 +123,7 @@ class QualityMeasurement {
     if (detector == kLsd) {
       segments = yardstick_.detect(image);
     } else {
-      for (const LineFeature& line : line_detector_.detect(image, {}, line_search_))
+      for (const LineFeature& line : line_detector_.detect(image, resolution_))
         segments.push_back(line.segment);
     }
     *time_ms += elapsedMs(begin);
@@ -143,7 +143,7 @@ class QualityMeasurement {
 
   QualityOptions options_;
   LineFeatureDetector line_detector_;
-  LineSearch line_search_;
+  LineResolution resolution_;  // full unless all frames are coarse to fine
   Yardstick yardstick_;
   std::array<std::array<Quality, kNumBudgets>, kNumDetectors> qualities_;
 };

@@ -14,11 +14,11 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
       threads_(parameters.tracking.threads) {
   const std::vector<StereoImages>& run = input->run();
   const std::size_t middle = run.size() / 2;
-  prev2_ = makeFrame(run[middle - 2], lineSearchAfter(0, parameters_.lines));
-  prev_ = makeFrame(run[middle - 1], lineSearchAfter(prev2_.points.size(), parameters_.lines));
+  prev2_ = makeFrame(run[middle - 2], lineResolutionAfter(0, parameters_.lines));
+  prev_ = makeFrame(run[middle - 1], lineResolutionAfter(prev2_.points.size(), parameters_.lines));
   images_ = run[middle];
-  line_search_ = lineSearchAfter(prev_.points.size(), parameters_.lines);
-  curr_ = makeFrame(images_, line_search_);
+  resolution_ = lineResolutionAfter(prev_.points.size(), parameters_.lines);
+  curr_ = makeFrame(images_, resolution_);
   matchStereo();
 
   const MotionPrediction unknown{Eigen::Isometry3d::Identity(),
@@ -35,11 +35,11 @@ Stages::Stages(BenchmarkInput* input, const Parameters& parameters)
   estimate();
 }
 
-StereoFrame Stages::makeFrame(const StereoImages& images, LineSearch line_search) {
+StereoFrame Stages::makeFrame(const StereoImages& images, LineResolution resolution) {
   StereoFrame frame;
   frame.stamp_ns = images.stamp_ns;
   frame.left_image = ImagePyramid(images.left);
-  frame.features = stereo_detector_.detect(images, &threads_, {}, line_search);
+  frame.features = stereo_detector_.detect(images, resolution, &threads_);
   const StereoMatches matches = ::point_line_odometry::matchStereo(frame.features, correction_,
                                                                    parameters_.matching, &threads_);
   triangulateMatches(matches, {images, camera_, correction_, parameters_}, &threads_, &frame);
@@ -56,12 +56,12 @@ Correspondences Stages::correspondencesOf(const StereoFrame& prev, const Circula
                              {images_, camera_, correction_, parameters_}, nullptr);
 }
 
-std::size_t Stages::lines() { return line_detector_.detect(images_.left, {}, line_search_).size(); }
+std::size_t Stages::lines() { return line_detector_.detect(images_.left, resolution_).size(); }
 
 std::size_t Stages::points() { return point_detector_.detect(images_.left).size(); }
 
 std::size_t Stages::detectStereo() {
-  const DetectedFeatures features = stereo_detector_.detect(images_, &threads_, {}, line_search_);
+  const DetectedFeatures features = stereo_detector_.detect(images_, resolution_, &threads_);
   return features.points_left.size() + features.points_right.size() + features.lines_left.size() +
          features.lines_right.size();
 }

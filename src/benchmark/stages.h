@@ -43,7 +43,7 @@ class Stages {
   std::size_t fuse();
 
  private:
-  StereoFrame makeFrame(const StereoImages& images, LineSearch line_search);
+  StereoFrame makeFrame(const StereoImages& images, LineResolution resolution);
   MotionPrediction near(const Eigen::Isometry3d& T_curr_prev) const;
   Correspondences correspondencesOf(const StereoFrame& prev, const CircularMatches& matches,
                                     const Eigen::Isometry3d& T_curr_prev) const;
@@ -55,7 +55,7 @@ class Stages {
   LineFeatureDetector line_detector_;
   PointDetector point_detector_;
   StereoFeatureDetector stereo_detector_;
-  LineSearch line_search_ = LineSearch::kFullSize;  // of the third frame
+  LineResolution resolution_ = LineResolution::kFull;  // of the third frame
   ThreadPool threads_;
   ThreadPool one_thread_{1};
 

@@ -58,8 +58,9 @@ class SampleGrid {
     const Eigen::Vector2f step = (segment.end - segment.start) / static_cast<float>(count_ - 1);
     for (int i = 0; i < count_; ++i) steps_[i] = nearestPixel(step * static_cast<float>(i));
     for (int i = 0; i < count_; ++i) masks_[i / 4] |= std::uint64_t{0xFFFF} << (16 * (i % 4));
+    const float middle = 0.5F * static_cast<float>(num_rows - 1);
     for (int row = 0; row < num_rows; ++row)
-      begins_[row] = nearestPixel(segment.start + normal * static_cast<float>(row - num_rows / 2));
+      begins_[row] = nearestPixel(segment.start + normal * (static_cast<float>(row) - middle));
   }
 
   int count() const { return count_; }

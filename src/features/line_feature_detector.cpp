@@ -27,26 +27,27 @@ LineSegment fromHalfSize(const LineSegment& half_px) {
 
 }  // namespace
 
-LineSearch lineSearchAfter(std::size_t num_points, const LineParameters& parameters) {
+LineResolution lineResolutionAfter(std::size_t num_points, const LineParameters& parameters) {
   return num_points >= static_cast<std::size_t>(parameters.coarse_to_fine_points)
-             ? LineSearch::kCoarseToFine
-             : LineSearch::kFullSize;
+             ? LineResolution::kCoarseToFine
+             : LineResolution::kFull;
 }
 
 LineFeatureDetector::LineFeatureDetector(const LineParameters& parameters, LineDetectorKind kind)
     : parameters_(parameters),
       kind_(kind),
-      edge_chains_(parameters),
-      edge_chains_at_half_size_(detectorAtHalfSize(parameters)) {
+      full_{1, LineDetector(parameters), {}},
+      half_{kHalfSize, detectorAtHalfSize(parameters), {}} {
   if (kind == LineDetectorKind::kLsd) lsd_.emplace(parameters);
 }
 
-std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image, const FeatureMask& mask,
-                                                     LineSearch search) {
+std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image,
+                                                     LineResolution resolution,
+                                                     const FeatureMask& mask) {
   if (kind_ == LineDetectorKind::kNone || image.cols < 2 || image.rows < 2) return {};
-  if (search == LineSearch::kFullSize || lsd_) return detectAtOneSize(image, mask, 1);
-  halve(image, &half_);
-  std::vector<LineFeature> lines = detectAtOneSize(half_, mask.half(), kHalfSize);
+  if (resolution == LineResolution::kFull || lsd_) return detectAt(&full_, image, mask);
+  halve(image, &half_image_);
+  std::vector<LineFeature> lines = detectAt(&half_, half_image_, mask.half());
   for (LineFeature& line : lines) {
     const LineSegment found = fromHalfSize(line.segment);
     const std::optional<LineSegment> aligned = alignEdge(image, mask, found, parameters_);
@@ -56,15 +57,14 @@ std::vector<LineFeature> LineFeatureDetector::detect(const cv::Mat& image, const
   return lines;
 }
 
-std::vector<LineFeature> LineFeatureDetector::detectAtOneSize(const cv::Mat& image,
-                                                              const FeatureMask& mask,
-                                                              int pixel_size) {
-  computeGradient(image, &gradient_);
-  if (!mask.empty()) gradient_.coarse.setTo(cv::Scalar::all(0), mask.edges() == 0);
-  LineDetector& edge_chains = pixel_size == kHalfSize ? edge_chains_at_half_size_ : edge_chains_;
+std::vector<LineFeature> LineFeatureDetector::detectAt(Size* size, const cv::Mat& image,
+                                                       const FeatureMask& mask) {
+  GradientImage& gradient = size->gradient;
+  computeGradient(image, &gradient);
+  if (!mask.empty()) gradient.coarse.setTo(cv::Scalar::all(0), mask.edges() == 0);
   const std::vector<LineSegment> segments =
-      lsd_ ? lsd_->detect(image, mask) : edge_chains.detect(gradient_, mask);
-  const std::vector<Descriptor> descriptors = describeLines(gradient_, segments, pixel_size);
+      lsd_ ? lsd_->detect(image, mask) : size->edge_chains.detect(gradient, mask);
+  const std::vector<Descriptor> descriptors = describeLines(gradient, segments, size->pixel_size);
   std::vector<LineFeature> lines;
   lines.reserve(segments.size());
   for (std::size_t i = 0; i < segments.size(); ++i) lines.push_back({segments[i], descriptors[i]});

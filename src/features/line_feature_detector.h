@@ -14,15 +14,15 @@
 
 namespace point_line_odometry {
 
-/// Where line segments are looked for.
-enum class LineSearch {
-  kFullSize,      ///< in the image
-  kCoarseToFine,  ///< in the image at half its size; edge chains only
+/// At which size of the image line segments are looked for.
+enum class LineResolution {
+  kFull,
+  kCoarseToFine,  ///< half the size, then aligned at full size; edge chains only
 };
 
-/// How the lines of a frame are looked for: coarse to fine where points are many and so determine
-/// the motion. \param num_points located in the previous frame; 0 without one.
-LineSearch lineSearchAfter(std::size_t num_points, const LineParameters& parameters);
+/// Coarse to fine where points are many and so determine the motion (lines/coarse_to_fine_points).
+/// \param num_points stereo points of the previous frame; 0 if that was not tracked.
+LineResolution lineResolutionAfter(std::size_t num_points, const LineParameters& parameters);
 
 /// Detects and describes the line segments of an image. Coarse to fine, edge chains are found in
 /// the image at half its size, whose pixels are a quarter and have half of the noise; then each
@@ -35,22 +35,25 @@ class LineFeatureDetector {
 
   /// The longest first, at most max_count of them. \param image CV_8UC1. \param mask edges end
   /// where masked pixels begin.
-  std::vector<LineFeature> detect(const cv::Mat& image, const FeatureMask& mask = {},
-                                  LineSearch search = LineSearch::kFullSize);
+  std::vector<LineFeature> detect(const cv::Mat& image, LineResolution resolution,
+                                  const FeatureMask& mask = {});
 
  private:
-  std::vector<LineFeature> detectAtOneSize(const cv::Mat& image, const FeatureMask& mask,
-                                           int pixel_size);
+  /// What depends on the size of the image.
+  struct Size {
+    int pixel_size;  ///< in pixels of the image
+    LineDetector edge_chains;
+    GradientImage gradient;  ///< scratch memory, reused for each image
+  };
+
+  std::vector<LineFeature> detectAt(Size* size, const cv::Mat& image, const FeatureMask& mask);
 
   LineParameters parameters_;
   LineDetectorKind kind_;
-  LineDetector edge_chains_;
-  LineDetector edge_chains_at_half_size_;
+  Size full_;
+  Size half_;
+  cv::Mat half_image_;              // scratch memory
   std::optional<LsdDetector> lsd_;  // instead of edge chains
-
-  // Scratch memory, reused for each image.
-  cv::Mat half_;
-  GradientImage gradient_;
 };
 
 }  // namespace point_line_odometry

@@ -36,8 +36,9 @@ StereoFeatureDetector::StereoFeatureDetector(const PointParameters& points,
           coarserLineDetector(octave_of_coarser_lines_, points, lines, line_detector_kind_),
           coarserLineDetector(octave_of_coarser_lines_, points, lines, line_detector_kind_)} {}
 
-DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, ThreadPool* threads,
-                                               const StereoMasks& masks, LineSearch line_search) {
+DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images,
+                                               LineResolution resolution, ThreadPool* threads,
+                                               const StereoMasks& masks) {
   DetectedFeatures features;
   const std::array<const cv::Mat*, 2> pixels{&images.left, &images.right};
   const std::array<const FeatureMask*, 2> mask{&masks.left, &masks.right};
@@ -47,7 +48,7 @@ DetectedFeatures StereoFeatureDetector::detect(const StereoImages& images, Threa
   threads->run(4, [&](int task) {
     const auto side = static_cast<std::size_t>(task % 2);
     if (task < 2)
-      *lines[side] = line_detectors_[side].detect(*pixels[side], *mask[side], line_search);
+      *lines[side] = line_detectors_[side].detect(*pixels[side], resolution, *mask[side]);
     if (task >= 2 && points_enabled_)
       *points[side] = point_detectors_[side].detectFinest(*pixels[side], *mask[side]);
   });
@@ -81,8 +82,8 @@ DetectedFeatures StereoFeatureDetector::detectCoarserLines(const ImagePyramid& l
 std::vector<LineFeature> StereoFeatureDetector::detectCoarserLines(
     const ImagePyramid& image, const FeatureMask& mask, LineFeatureDetector* detector) const {
   const int octave = octave_of_coarser_lines_;
-  std::vector<LineFeature> lines =
-      detector->detect(image.levels[static_cast<std::size_t>(octave)], mask.ofLevel(octave));
+  std::vector<LineFeature> lines = detector->detect(image.levels[static_cast<std::size_t>(octave)],
+                                                    LineResolution::kFull, mask.ofLevel(octave));
   for (LineFeature& line : lines) {
     line.segment.start = image.fromLevel(line.segment.start, octave);
     line.segment.end = image.fromLevel(line.segment.end, octave);

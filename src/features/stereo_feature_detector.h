@@ -23,9 +23,8 @@ class StereoFeatureDetector {
 
   /// The same result whatever the number of threads. Images must be CV_8UC1. \param masks of the
   /// images, which are painted by them; those of `images` are not used.
-  DetectedFeatures detect(const StereoImages& images, ThreadPool* threads,
-                          const StereoMasks& masks = {},
-                          LineSearch line_search = LineSearch::kFullSize);
+  DetectedFeatures detect(const StereoImages& images, LineResolution lines, ThreadPool* threads,
+                          const StereoMasks& masks = {});
 
   /// Keypoints of the coarser levels of an image, which detect() leaves out: noise is averaged
   /// out there, and blurred texture has corners.

@@ -90,11 +90,10 @@ Parameters withFeatureBudget(Parameters parameters, const FeatureBudget& budget)
   const double share = budget.share;
   if (budget.landmark_frames)
     parameters.tracking.landmark_frames = std::max(parameters.tracking.landmark_frames, 1);
-  const auto share_of = [&](int count) { return static_cast<int>(std::lround(share * count)); };
-  for (int* count : {&parameters.points.max_per_cell, &parameters.lines.max_count})
-    *count = std::max(1, share_of(*count));
-  // Otherwise lines would take longer where there are fewer points.
-  parameters.lines.coarse_to_fine_points = share_of(parameters.lines.coarse_to_fine_points);
+  // The last one, as lines would take longer where there are fewer points. Its 0 has a meaning.
+  for (int* count : {&parameters.points.max_per_cell, &parameters.lines.max_count,
+                     &parameters.lines.coarse_to_fine_points})
+    *count = std::max(std::min(*count, 1), static_cast<int>(std::lround(share * *count)));
   if (share < 1.0) {
     double& gradient = parameters.lines.min_gradient;
     gradient = std::max(gradient, std::min(gradient / share, kLargestGradient));

@@ -36,13 +36,13 @@ void addLevels(FrameContext* context, ThreadPool* threads) {
   });
 }
 
-StereoFrame detectFeatures(StereoFeatureDetector* detector, LineSearch line_search,
+StereoFrame detectFeatures(StereoFeatureDetector* detector, LineResolution lines,
                            const FrameContext& context, ThreadPool* threads, StageTimes* times) {
   const StageTimer timer(times, Stage::kDetect);
   StereoFrame frame;
   frame.stamp_ns = context.images.stamp_ns;
   frame.left_image = ImagePyramid(context.images.left.clone());
-  frame.features = detector->detect(context.images, threads, context.masks, line_search);
+  frame.features = detector->detect(context.images, lines, threads, context.masks);
   return frame;
 }
 

@@ -15,7 +15,7 @@ namespace point_line_odometry {
 void addLevels(FrameContext* context, ThreadPool* threads);
 
 /// A stereo frame with the features detected in both images, not matched yet.
-StereoFrame detectFeatures(StereoFeatureDetector* detector, LineSearch line_search,
+StereoFrame detectFeatures(StereoFeatureDetector* detector, LineResolution lines,
                            const FrameContext& context, ThreadPool* threads, StageTimes* times);
 
 /// Matches the features of a frame left with right and triangulates. Where the image has few

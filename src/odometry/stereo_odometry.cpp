@@ -31,6 +31,13 @@ void requireFinite(const Eigen::Isometry3d& pose) {
   if (!pose.matrix().allFinite()) throw std::invalid_argument("a pose of the camera is not finite");
 }
 
+/// At which size the lines of the next frame are looked for. The previous frame is the last one
+/// with a motion, of other views where tracking fails.
+LineResolution nextLines(const OdometryState& state, const LineParameters& parameters) {
+  const bool is_tracked = state.tracking == TrackingState::kOk && state.history.previous;
+  return lineResolutionAfter(is_tracked ? state.history.previous->points.size() : 0, parameters);
+}
+
 /// What the frame-to-frame motion says about the right camera, if it is known.
 void addCalibrationEvidence(const FrameContext& context, TrackingResult* tracked,
                             StageTimes* times) {
@@ -133,11 +140,8 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(*std::move(tracked), prior, result);
     return;
   }
-  const std::optional<StereoFrame>& previous = state.history.previous;
-  const LineSearch line_search =
-      lineSearchAfter(previous ? previous->points.size() : 0, parameters.lines);
-  const StereoFrame detected =
-      detectFeatures(&detector, line_search, context, threads.get(), &result->times);
+  const StereoFrame detected = detectFeatures(&detector, nextLines(state, parameters.lines),
+                                              context, threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
     const StereoFrame first =
         matchFeatures(detected, &detector, state.trackingStart(context, prior), &context,
