@@ -52,7 +52,7 @@ class Bundle {
   }
 
   /// Nothing where a landmark is behind a camera.
-  std::optional<double> cost() const { return cost(poses_); }
+  std::optional<double> cost() { return cost(poses_); }
 
   void linearize() {
     normal_.setZero();
@@ -82,7 +82,7 @@ class Bundle {
     return of_poses + points_.substitute(step) + lines_.substitute(step);
   }
 
-  std::optional<double> costOfStep() const { return cost(moved_); }
+  std::optional<double> costOfStep() { return cost(moved_); }
 
   void acceptStep() {
     poses_ = moved_;
@@ -109,7 +109,7 @@ class Bundle {
   }
 
  private:
-  std::optional<double> cost(const std::vector<BundlePose>& poses) const {
+  std::optional<double> cost(const std::vector<BundlePose>& poses) {
     const std::optional<double> of_points = points_.cost(poses);
     const std::optional<double> of_lines = lines_.cost(poses);
     if (!of_points || !of_lines) return std::nullopt;

@@ -43,18 +43,20 @@ class BundleLandmarks {
     return !blocks_.empty();
   }
 
-  /// At the last step from the current parameters. Nothing if a landmark gets behind a camera.
-  std::optional<double> cost(const std::vector<BundlePose>& poses) const {
+  /// At the last step from the current parameters. A landmark that this would move behind a camera
+  /// moves less, as else it would spoil the step of all others; nothing if it is behind one even
+  /// where it was.
+  std::optional<double> cost(const std::vector<BundlePose>& poses) {
     double sum = 0.0;
-    for (const Block& block : blocks_) {
-      const Increment increment = block.increment + block.step;
-      const Estimate moved = at(block.landmark->estimate, increment);
-      for (const auto& seen : block.landmark->observations) {
-        const Residual residual = residualOf(moved, poses[seen.frame], seen.observation);
-        if (!residual.valid || !residual.value.allFinite()) return std::nullopt;
-        const double sigma = seen.observation.sigma_px;
-        sum += HuberLoss(residual.value.squaredNorm() / (sigma * sigma), huber_delta_).cost;
+    for (Block& block : blocks_) {
+      std::optional<double> of_block = costOf(block, poses);
+      for (const double shorter : {0.5, 0.5, 0.5, 0.0}) {
+        if (of_block) break;
+        block.step *= shorter;
+        of_block = costOf(block, poses);
       }
+      if (!of_block) return std::nullopt;
+      sum += *of_block;
     }
     return sum;
   }
@@ -190,6 +192,19 @@ class BundleLandmarks {
       }
     }
   };
+
+  /// At the block's last step. Nothing if its landmark is behind a camera.
+  std::optional<double> costOf(const Block& block, const std::vector<BundlePose>& poses) const {
+    const Estimate moved = at(block.landmark->estimate, block.increment + block.step);
+    double sum = 0.0;
+    for (const auto& seen : block.landmark->observations) {
+      const Residual residual = residualOf(moved, poses[seen.frame], seen.observation);
+      if (!residual.valid || !residual.value.allFinite()) return std::nullopt;
+      const double sigma = seen.observation.sigma_px;
+      sum += HuberLoss(residual.value.squaredNorm() / (sigma * sigma), huber_delta_).cost;
+    }
+    return sum;
+  }
 
   static Estimate at(const Estimate& start, const Increment& increment) {
     Estimate moved = start;

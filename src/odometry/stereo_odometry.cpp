@@ -31,11 +31,10 @@ void requireFinite(const Eigen::Isometry3d& pose) {
   if (!pose.matrix().allFinite()) throw std::invalid_argument("a pose of the camera is not finite");
 }
 
-/// At which size the lines of the next frame are looked for. The previous frame is the last one
-/// with a motion, of other views where tracking fails.
-LineResolution nextLines(const OdometryState& state, const LineParameters& parameters) {
-  const bool is_tracked = state.tracking == TrackingState::kOk && state.history.previous;
-  return lineResolutionAfter(is_tracked ? state.history.previous->points.size() : 0, parameters);
+/// At which size lines are looked for in a frame that is matched with a previous one.
+LineResolution linesAfter(const std::optional<StereoFrame>& previous,
+                          const LineParameters& parameters) {
+  return lineResolutionAfter(previous ? previous->points.size() : 0, parameters);
 }
 
 /// What the frame-to-frame motion says about the right camera, if it is known.
@@ -140,8 +139,9 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(*std::move(tracked), prior, result);
     return;
   }
-  const StereoFrame detected = detectFeatures(&detector, nextLines(state, parameters.lines),
-                                              context, threads.get(), &result->times);
+  const StereoFrame detected =
+      detectFeatures(&detector, linesAfter(state.history.previous, parameters.lines), context,
+                     threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
     const StereoFrame first =
         matchFeatures(detected, &detector, state.trackingStart(context, prior), &context,
