@@ -28,7 +28,7 @@ struct LineParameters {
   int max_count = 300;
   double min_gradient = 4.0;
   double max_deviation_px = 1.0;
-  int coarse_to_fine_points = 300;
+  int coarse_to_fine_points = 600;
   /// @}
 };
 

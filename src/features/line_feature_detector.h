@@ -21,9 +21,7 @@ enum class LineResolution {
 };
 
 /// Coarse to fine where points are many and so determine the motion (lines/coarse_to_fine_points).
-/// \param num_points stereo points of the frame that this one is matched with; 0 without one. That
-/// has a motion: after a loss, lines are found as those of the map in which the camera is
-/// relocalized.
+/// \param num_points stereo points of the frame that this one is matched with; 0 without one.
 LineResolution lineResolutionAfter(std::size_t num_points, const LineParameters& parameters);
 
 /// Detects and describes the line segments of an image. Coarse to fine, edge chains are found in
