@@ -266,7 +266,7 @@ const std::vector<Case>& cases() {
       {"lines/max_count", [](P p) { p->lines.max_count = 20; }, drive, frameToFrame},
       {"lines/min_gradient", [](P p) { p->lines.min_gradient = 30.0; }, drive, frameToFrame},
       {"lines/max_deviation_px", [](P p) { p->lines.max_deviation_px = 0.4; }, drive, frameToFrame},
-      {"lines/coarse_to_fine_points", [](P p) { p->lines.coarse_to_fine_points = 100000; }, drive,
+      {"lines/coarse_to_fine_points", [](P p) { p->lines.coarse_to_fine_points = 100; }, drive,
        frameToFrame},
       {"matching/max_disparity_px", [](P p) { p->matching.max_disparity_px = 15.0; }, drive,
        frameToFrame},
