@@ -146,7 +146,8 @@ TEST(AlignPatch, FollowsAChangeOfScale) {
                          50.0F * (1.0F - kGrowth));
   cv::Mat target;
   cv::warpAffine(kReference, target, grow, kReference.size(), cv::INTER_CUBIC);
-  const Eigen::Matrix2f warp = Eigen::Matrix2f::Identity() / kGrowth;
+  PatchWarp warp;
+  warp.linear /= kGrowth;
   const Vector2f start = centre + Vector2f(0.6F, -0.5F);
   const auto warped = PatchAligner(kReference, centre, warp).align(target, start);
   ASSERT_TRUE(warped);
@@ -156,7 +157,9 @@ TEST(AlignPatch, FollowsAChangeOfScale) {
 }
 
 TEST(AlignPatch, RefusesAWarpThatLeavesTheImage) {
-  const PatchAligner patch(kReference, {50.0F, 50.0F}, 9.0F * Eigen::Matrix2f::Identity());
+  PatchWarp warp;
+  warp.linear *= 9.0F;
+  const PatchAligner patch(kReference, {50.0F, 50.0F}, warp);
   EXPECT_FALSE(patch.align(kReference, {50.0F, 50.0F}));
 }
 

@@ -32,9 +32,9 @@ bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen,
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel);
 
-/// The same under an affine warp: Jacobian of the image's pixels by the patch's pixels.
+/// The same under a warp of the patch's pixels to those of the image.
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel,
-                                                       const Eigen::Matrix2f& warp);
+                                                       const PatchWarp& warp);
 
 }  // namespace point_line_odometry
