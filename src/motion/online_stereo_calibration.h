@@ -37,7 +37,8 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// the image's sides, and in y^2 where v shows tangential distortion. One that was knocked has that
 /// of a rotation: roll and pitch displace rows, too, as does another focal length; where v shows
 /// more of that than lenses explain, u is expected to be the rest of it, before the camera has
-/// moved. A yaw is taken from the motions.
+/// moved. A yaw is taken from the motions. What noise explains of u is left out: of an exact camera
+/// it would be an error, of all distances in the same direction.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -72,14 +73,20 @@ class OnlineStereoCalibration {
   struct Likelihood {
     Information information = Information::Zero();
     Coefficients vector = Coefficients::Zero();
+    /// Of u: covariance of `vector` by the scatter of the motions about the expected coefficients.
+    Information scatter = Information::Zero();
 
     void add(const Information& information, const Coefficients& vector);
     /// Adds a motion to the estimate of u.
-    void add(const CalibrationEvidence& motion, double share_of_new);
+    void add(const CalibrationEvidence& motion, double share_of_new, const Coefficients& expected);
     /// With a prior of this information about the expected coefficients.
     Coefficients mean(const Information& prior, const Coefficients& expected) const;
+    /// The same of u, with a prior of both variances about the expected coefficients, moved towards
+    /// that with the former alone, by the share of their difference that noise explains [px^2].
+    Coefficients shrunkMean(const Coefficients& shown_by_rows, const Coefficients& other,
+                            const Coefficients& expected) const;
     Coefficients variance(const Information& prior) const;
-    auto state() { return std::tie(information, vector); }
+    auto state() { return std::tie(information, vector, scatter); }
   };
 
   /// What a rotation or another focal length of the right camera does, as far as the rows show it.
@@ -104,6 +111,7 @@ class OnlineStereoCalibration {
   StereoCorrection correction_;
   Likelihood u_;
   Likelihood v_;
+  Coefficients expected_u_ = Coefficients::Zero();  // by the rows and the yaw
   /// Of a motion whose share of new features is still unknown.
   std::optional<CalibrationEvidence> waiting_;
 };
@@ -113,9 +121,9 @@ std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame);
 
 inline auto OnlineStereoCalibration::state() {
-  auto& [camera, correction, u, v, waiting] = *this;
+  auto& [camera, correction, u, v, expected_u, waiting] = *this;
   static_cast<void>(camera);
-  return std::tie(correction, u, v, waiting);
+  return std::tie(correction, u, v, expected_u, waiting);
 }
 
 }  // namespace point_line_odometry
