@@ -367,6 +367,35 @@ TEST(OnlineStereoCalibration, AnExactCameraStaysAsItIs) {
   EXPECT_LT(std::sqrt(squares_of_error / kDrives), 0.5 * kErrorPx);
 }
 
+/// The offset after motions that each show it so many times their own standard deviation, and what
+/// it would be if noise explained nothing of it: the ratio.
+double shareUsed(const std::vector<double>& deviations) {
+  constexpr double kInformation = 1e4;
+  constexpr double kPriorPx = 0.08;
+  OnlineStereoCalibration calibration(synthetic::camera());
+  double vector = 0.0;
+  for (const double deviation : deviations) {
+    CalibrationEvidence motion;
+    motion.information(0, 0) = kInformation;
+    motion.vector(0) = deviation * std::sqrt(kInformation);
+    vector += motion.vector(0);
+    calibration.addMotion(motion, 1.0);
+  }
+  const double information =
+      static_cast<double>(deviations.size()) * kInformation + 1.0 / (kPriorPx * kPriorPx);
+  return calibration.correction().u(0) / (vector / information);
+}
+
+TEST(OnlineStereoCalibration, WhatNoiseExplainsIsLeftOut) {
+  EXPECT_NEAR(shareUsed({0.9}), 0.0, 1e-9) << "by the noise that the motion claims";
+  EXPECT_NEAR(shareUsed({3.0}), 1.0 - 1.0 / 9.0, 0.01) << "the same";
+  // Motions that agree show their noise to be less than they claim.
+  EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.5)), 1.0 - 1.0 / 10.0, 0.01);
+  EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.05)), 1.0 - 1.0 / 10.0, 0.01);
+  EXPECT_EQ(shareUsed({0.5, -0.4, 0.5, -0.4, 0.5, -0.4}), 0.0);
+  EXPECT_EQ(shareUsed({3.0, -2.9, 3.0, -2.9}), 0.0);
+}
+
 /// As the first frame of a map: it counts as much as the next one.
 TEST(OnlineStereoCalibration, AnUnknownShareOfNewFeaturesIsAssumedUntilThatOfTheNextMotion) {
   DistortedDrive drive(9);

@@ -11,6 +11,7 @@
 #include <random>
 #include <vector>
 
+#include "common/statistics.h"
 #include "synthetic_scene.h"
 
 namespace point_line_odometry {
@@ -22,30 +23,29 @@ using Eigen::Vector2f;
 using Eigen::Vector3d;
 using synthetic::transform;
 
-StereoCamera wideCamera() {
-  StereoCamera camera;
-  camera.fx = camera.fy = 700.0;
+/// Of a small image, with the horizon in its upper half.
+StereoCamera makeCamera() {
+  StereoCamera camera = synthetic::camera();
   camera.cx = 200.0;
   camera.cy = 60.0;
-  camera.baseline_m = 0.54;
   camera.width = 400;
   camera.height = 240;
   return camera;
 }
 
-const StereoCamera kCamera = wideCamera();
+const StereoCamera kCamera = makeCamera();
 
 /// A plane normal . p = distance_m in the first camera's frame, of waves in all directions.
 class WavyPlane {
  public:
-  WavyPlane(const Vector3d& normal, double distance_m)
+  WavyPlane(const Vector3d& normal, double distance_m, unsigned seed = 3)
       : normal_(normal.normalized()), distance_m_(distance_m) {
     const Vector3d other = std::abs(normal_.z()) < 0.9 ? Vector3d::UnitZ() : Vector3d::UnitX();
     along_ = (other - other.dot(normal_) * normal_).normalized();
     across_ = normal_.cross(along_);
-    std::mt19937 random(3);
+    std::mt19937 random(seed);
     std::uniform_real_distribution<double> angle(0.0, 2.0 * M_PI);
-    std::uniform_real_distribution<double> log_length(std::log(0.2), std::log(0.8));
+    std::uniform_real_distribution<double> log_length(std::log(0.3), std::log(1.2));
     for (Wave& wave : waves_) {
       const double k = 2.0 * M_PI / std::exp(log_length(random));
       const double direction = angle(random);
@@ -62,15 +62,17 @@ class WavyPlane {
     return centre + (distance_m_ - normal_.dot(centre)) / normal_.dot(ray) * ray;
   }
 
-  /// Derivative of the right column minus the left one by the left pixel: d = f b / Z.
+  /// Derivative of the right column minus the left one by the left pixel: of -fx b / Z.
   Vector2f slope() const {
-    return (kCamera.baseline_m / distance_m_ * -normal_.head<2>()).cast<float>();
+    const Vector2d gradient(normal_.x(), normal_.y() * kCamera.fx / kCamera.fy);
+    return (-kCamera.baseline_m / distance_m_ * gradient).cast<float>();
   }
 
   cv::Mat image(const Isometry3d& T_first_camera) const {
-    constexpr int kSamples = 3;
-    cv::Mat image(kCamera.height, kCamera.width, CV_8UC1);
-    for (int v = 0; v < image.rows; ++v) {
+    constexpr int kSamples = 2;
+    constexpr int kFirstRow = 100;  // above it waves are shorter than a pixel
+    cv::Mat image(kCamera.height, kCamera.width, CV_8UC1, cv::Scalar(128));
+    for (int v = kFirstRow; v < image.rows; ++v) {
       for (int u = 0; u < image.cols; ++u) {
         double sum = 0.0;
         for (int i = 0; i < kSamples * kSamples; ++i) {
@@ -146,7 +148,8 @@ TEST(PatchWarp, IsTheHomographyOfThePlane) {
 }
 
 TEST(PatchWarp, OfAnOctaveIsTheSameInItsPixels) {
-  const auto warp = warpOf(kPlanes[0], {280.0, 160.0}, transform(Vector3d::Zero(), {0.0, 0.0, -2.0}));
+  const auto warp =
+      warpOf(kPlanes[0], {280.0, 160.0}, transform(Vector3d::Zero(), {0.0, 0.0, -2.0}));
   ASSERT_TRUE(warp);
   const StereoWarp coarse = inOctave(*warp, 2.0F);
   const Vector2d offset(3.0, -4.0);
@@ -154,14 +157,13 @@ TEST(PatchWarp, OfAnOctaveIsTheSameInItsPixels) {
   EXPECT_LT((2.0 * apply(coarse.right, offset) - apply(warp->right, 2.0 * offset)).norm(), 1e-5);
 }
 
-/// Mean error of the aligned patches away from where the camera goes [px].
-double meanOutwardError(const WavyPlane& plane, bool affine) {
+/// Median error of the aligned patches away from where the camera goes [px].
+double medianOutwardError(const WavyPlane& plane, bool affine) {
   const Isometry3d T_first_camera = transform(Vector3d::Zero(), {0.0, 0.0, 4.0});
   const cv::Mat first = plane.image(Isometry3d::Identity());
   const cv::Mat second = plane.image(T_first_camera);
   const Vector2d centre(kCamera.cx, kCamera.cy);
-  double sum = 0.0;
-  int count = 0;
+  std::vector<double> errors;
   for (int v = 145; v < 170; v += 2) {
     for (int u = 150; u < 260; u += 3) {
       const Vector2d pixel(u, v);
@@ -173,21 +175,27 @@ double meanOutwardError(const WavyPlane& plane, bool affine) {
       const auto aligned = PatchAligner(first, pixel.cast<float>(), warp->left)
                                .align(second, expected.cast<float>());
       if (!aligned) continue;
-      sum += (aligned->pixel.cast<double>() - expected).dot((expected - centre).normalized());
-      ++count;
+      errors.push_back(
+          (aligned->pixel.cast<double>() - expected).dot((expected - centre).normalized()));
     }
   }
-  EXPECT_GT(count, 100);
-  return sum / count;
+  EXPECT_GT(errors.size(), 100U);
+  return median(errors);
 }
 
-/// What is nearer moves faster: without the perspective within a patch it is found too far outward,
-/// and the motion is too long.
-TEST(PatchWarp, DoesNotBiasTheMotionAlongAPlane) {
-  const WavyPlane& road = kPlanes[0];
-  const double error = meanOutwardError(road, false);
+/// What is nearer moves faster: without the perspective within a patch a road is found too far
+/// outward, and the motion is too long.
+TEST(PatchWarp, DoesNotBiasTheMotionAlongARoad) {
+  constexpr int kRoads = 6;
+  double error = 0.0;
+  double of_affine = 0.0;
+  for (unsigned seed = 0; seed < kRoads; ++seed) {
+    const WavyPlane road(Vector3d(0.0, 1.0, 0.0), 1.65, seed);
+    error += medianOutwardError(road, false) / kRoads;
+    of_affine += medianOutwardError(road, true) / kRoads;
+  }
   EXPECT_LT(std::abs(error), 0.01);
-  EXPECT_GT(meanOutwardError(road, true), 0.015 + error);
+  EXPECT_GT(of_affine, 0.015 + error);
 }
 
 }  // namespace

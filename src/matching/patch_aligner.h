@@ -18,8 +18,9 @@ struct AlignedPatch {
   double noise_px = std::sqrt(1.0 / 12.0);
 };
 
-/// How a plane seen in one image appears in another: the homography of its pixels there to those
-/// here. Offset x of a patch from its centre there is offset linear x / (1 + projective^T x) here.
+/// The homography of a plane from the image in which its patch is searched to the source image,
+/// from which the patch is taken: offset x from the centre of the patch in the former is offset
+/// linear x / (1 + projective^T x) in the latter.
 struct PatchWarp {
   Eigen::Matrix2f linear = Eigen::Matrix2f::Identity();  ///< Jacobian at the centre
   Eigen::Vector2f projective = Eigen::Vector2f::Zero();  ///< [1 / px]
@@ -41,7 +42,7 @@ class PatchAligner {
   /// \param image CV_8UC1. \param pixel centre of the patch.
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel);
 
-  /// The patch in another view. \param warp of the patch's pixels to those of the image.
+  /// The patch as another image shows it. \param warp from that image to this one.
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel, const PatchWarp& warp);
 
   /// The patch in the target, without slopes. Nothing if it does not converge near the initial

@@ -194,15 +194,16 @@ void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, 
   }
 }
 
-/// Samples of a patch under a warp. False if a corner lies outside of the image, or the patch is so
-/// oblique that a corner appears more than twice as large as its centre.
+/// Samples of a patch under a warp. False if a bound of its extent lies outside of the image, or
+/// the plane is so oblique that the denominator of the homography falls below a half at a corner.
 bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre, const PatchWarp& warp,
                   Samples* samples) {
   constexpr float kRounding = 0.001F;  // more than floats of this size are wrong by [px]
-  const float nearest = 1.0F - kHalfWider * warp.projective.lpNorm<1>();  // at one of the corners
-  if (!(nearest > 0.5F)) return false;
+  constexpr float kLeastDenominator = 0.5F;
+  const float denominator = 1.0F - kHalfWider * warp.projective.lpNorm<1>();  // the least one
+  if (!(denominator > kLeastDenominator)) return false;
   const Eigen::Vector2f extent =
-      (kHalfWider / nearest * warp.linear.cwiseAbs().rowwise().sum()).array() + kRounding;
+      (kHalfWider / denominator * warp.linear.cwiseAbs().rowwise().sum()).array() + kRounding;
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&

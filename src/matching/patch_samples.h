@@ -32,7 +32,7 @@ bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen,
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel);
 
-/// The same under a warp of the patch's pixels to those of the image.
+/// The same as another image shows it. \param warp from that image to this one.
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel,
                                                        const PatchWarp& warp);

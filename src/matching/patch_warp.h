@@ -9,9 +9,9 @@
 
 namespace point_line_odometry {
 
-/// The plane of a patch that was taken from an image.
+/// The plane of a patch, as its source image shows it.
 struct PatchPlane {
-  /// Jacobian of its point by the pixel (u, v) of that image, in the frame of a camera or of the
+  /// Jacobian of its point by the pixel (u, v) there, in the frame of a camera or of the
   /// map [m / px].
   Eigen::Matrix<double, 3, 2> axes = Eigen::Matrix<double, 3, 2>::Zero();
   /// Of the logarithm of its depth, by the pixel there [1 / px].
@@ -44,14 +44,14 @@ inline PatchPlane patchPlane(const StereoCamera& camera, const StereoPoint& poin
                     point.far ? Eigen::Vector2f::Zero() : point.slope);
 }
 
-/// Warp of this camera's pixels to those of the image that a patch was taken from. \param p_camera
-/// centre of the patch, in front of this camera. \param plane in this camera's frame. Nothing if
-/// the patch appears so much smaller or larger that the two cannot be aligned.
+/// Warp from this camera's image to the source image of a patch. \param p_camera centre of the
+/// patch, in front of this camera. \param plane in this camera's frame. Nothing if the patch
+/// appears so much smaller or larger that the two cannot be aligned.
 ///
 /// On a plane the inverse depth is linear in the pixels of any image. So, with e the offset in the
-/// patch's image, l the gradient of the log depth there, p(e) (1 - l^T e) is linear in e: its
-/// projection here is B e / (1 + h^T e), with B the Jacobian and h = axes_z / Z - l. The inverse is
-/// e = A x / (1 - h^T A x), with A = B^-1.
+/// source image and l the gradient of the log depth there, p(e) (1 - l^T e) is linear in e, also in
+/// this camera's frame: its projection is B e / (1 + h^T e), with B the Jacobian and h = axes_z / Z
+/// - l. The inverse is e = A x / (1 - h^T A x), with A = B^-1.
 inline std::optional<PatchWarp> patchWarp(const StereoCamera& camera,
                                           const Eigen::Vector3d& p_camera,
                                           const PatchPlane& plane) {

@@ -78,47 +78,49 @@ void OnlineStereoCalibration::Likelihood::add(const Information& more_informatio
   vector = kFading * vector + more_vector;
 }
 
-/// One factor is for the points that repeat their errors, two for the error that all have in
-/// common: on the disparity it acts inversely to the motion, and on the information by its square.
-/// The scatter, a square, has them twice but for the former, which it does not see.
-void OnlineStereoCalibration::Likelihood::add(const CalibrationEvidence& motion,
-                                              double share_of_new, const Coefficients& expected) {
-  const double weight = std::pow(share_of_new, 3);
-  add(weight * motion.information, weight * motion.vector);
-  const Coefficients unexpected = motion.vector - motion.information * expected;
-  scatter = kFading * kFading * scatter +
-            weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
-}
-
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::mean(
-    const Information& prior, const Coefficients& expected) const {
-  return (prior + information).ldlt().solve(prior * expected + vector);
-}
-
-/// James and Stein's estimator, its positive part. With v what is observed beyond the expected
-/// coefficients, the means by either prior differ by G v, and v^T G v is trace(G V) on the mean if
-/// V, the covariance of v, explains it all. The information claims one such covariance, the scatter
-/// of the motions shows another, from two of them on. Both are too large: the former where motions
-/// count for less than their points show, the latter by the difference itself; so the smaller one
-/// counts.
-StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::shrunkMean(
-    const Coefficients& shown_by_rows, const Coefficients& other,
-    const Coefficients& expected) const {
-  const Information identity = Information::Identity();
-  const Information by_rows = shown_by_rows.asDiagonal();
-  const Information covariance_by_rows =
-      by_rows * (identity + information * by_rows).partialPivLu().inverse();
-  const Information G =
-      (priorInformation(shown_by_rows + other) + information).inverse() - covariance_by_rows;
-  const Coefficients unexpected = vector - information * expected;
-  const double by_noise = std::min((G * information).trace(), (G * scatter).trace());
-  const double gain = bayesGain(unexpected.dot(G * unexpected), by_noise);
-  return expected + covariance_by_rows * unexpected + gain * (G * unexpected);
+    const Information& prior) const {
+  return (prior + information).ldlt().solve(vector);
 }
 
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::variance(
     const Information& prior) const {
   return (prior + information).inverse().diagonal();
+}
+
+/// One factor is for the points that repeat their errors, two for the error that all have in
+/// common: on the disparity it acts inversely to the motion, and on the information by its square.
+/// To the scatter a motion adds the square of what it shows, with that of its weight, divided by
+/// the share as it repeats what others showed.
+void OnlineStereoCalibration::LikelihoodByMotions::add(const CalibrationEvidence& motion,
+                                                       double share_of_new,
+                                                       const Coefficients& expected) {
+  const double weight = std::pow(share_of_new, 3);
+  Likelihood::add(weight * motion.information, weight * motion.vector);
+  const Coefficients unexpected = motion.vector - motion.information * expected;
+  scatter = kFading * kFading * scatter +
+            weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
+}
+
+/// Positive-part shrinkage, as James and Stein's. With v what is observed beyond the expected
+/// coefficients, the means by the two priors differ by G v, and v^T G v is trace(G V) on the mean
+/// if V, the covariance of v, explains it all. The information claims one such covariance, the
+/// scatter of the motions shows another, from two of them on. Both are too large: the former where
+/// motions count for less than their points show, the latter by the difference itself; so the
+/// smaller one counts.
+StereoCorrection::Coefficients OnlineStereoCalibration::LikelihoodByMotions::shrunkMean(
+    const Coefficients& shown_by_rows, const Coefficients& other,
+    const Coefficients& expected) const {
+  const Covariance prior_by_rows = shown_by_rows.asDiagonal();
+  const Covariance by_rows =
+      prior_by_rows *
+      (Covariance::Identity() + information * prior_by_rows).partialPivLu().inverse();
+  const Covariance G = (priorInformation(shown_by_rows + other) + information).inverse() - by_rows;
+  const Coefficients unexpected = vector - information * expected;
+  // Not below zero by rounding, where hardly anything was observed.
+  const double by_noise = std::max(0.0, std::min((G * information).trace(), (G * scatter).trace()));
+  const double gain = bayesGain(unexpected.dot(G * unexpected), by_noise);
+  return expected + by_rows * unexpected + gain * (G * unexpected);
 }
 
 OnlineStereoCalibration::OnlineStereoCalibration(const StereoCamera& camera)
@@ -149,7 +151,7 @@ void OnlineStereoCalibration::addVerticalDisparities(const std::vector<VerticalD
     vector += weight * sample.vertical_disparity_px * terms;
   }
   v_.add(information / kFramesPerSample, vector / kFramesPerSample);
-  correction_.v = v_.mean(verticalPrior(), Coefficients::Zero());
+  correction_.v = v_.mean(verticalPrior());
   update();
 }
 
@@ -208,7 +210,7 @@ void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
 }
 
 void OnlineStereoCalibration::update() {
-  Likelihood u = u_;
+  LikelihoodByMotions u = u_;
   if (waiting_) u.add(*waiting_, kAssumedShareOfNew, expected_u_);
   const Coefficients v_variance = v_.variance(verticalPrior());
   const ByRows by_rows = expectedByRows(v_variance);
@@ -260,7 +262,7 @@ OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
 /// To first order a yaw w displaces columns by w (fx + x^2 / fx). What the motions show of u is a
 /// multiple of that, and beyond it what the prior allows: also of what a lens does, whose error is
 /// therefore not in the standard deviation.
-OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const Likelihood& u,
+OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const LikelihoodByMotions& u,
                                                           const Information& prior,
                                                           const Coefficients& by_rows) const {
   const double k = 0.5 * camera_.width / camera_.fx;

@@ -68,24 +68,32 @@ class OnlineStereoCalibration {
  private:
   using Coefficients = StereoCorrection::Coefficients;
   using Information = StereoCorrection::Information;
+  using Covariance = Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms>;
 
   /// What was observed of coefficients: a Gaussian in information form.
   struct Likelihood {
     Information information = Information::Zero();
     Coefficients vector = Coefficients::Zero();
-    /// Of u: covariance of `vector` by the scatter of the motions about the expected coefficients.
-    Information scatter = Information::Zero();
 
     void add(const Information& information, const Coefficients& vector);
-    /// Adds a motion to the estimate of u.
+    /// With a prior of this information about zero.
+    Coefficients mean(const Information& prior) const;
+    Coefficients variance(const Information& prior) const;
+    auto state() { return std::tie(information, vector); }
+  };
+
+  /// What the motions show of u.
+  struct LikelihoodByMotions : Likelihood {
+    /// Covariance of `vector`, by the scatter of the motions about the expected coefficients.
+    Information scatter = Information::Zero();
+
+    /// \param expected coefficients before this motion, or with it if it had to wait.
     void add(const CalibrationEvidence& motion, double share_of_new, const Coefficients& expected);
-    /// With a prior of this information about the expected coefficients.
-    Coefficients mean(const Information& prior, const Coefficients& expected) const;
-    /// The same of u, with a prior of both variances about the expected coefficients, moved towards
-    /// that with the former alone, by the share of their difference that noise explains [px^2].
+    /// The mean with a prior about the expected coefficients, with the sum of two variances [px^2],
+    /// moved towards that with the first of them alone by the share of the difference that noise
+    /// explains.
     Coefficients shrunkMean(const Coefficients& shown_by_rows, const Coefficients& other,
                             const Coefficients& expected) const;
-    Coefficients variance(const Information& prior) const;
     auto state() { return std::tie(information, vector, scatter); }
   };
 
@@ -104,12 +112,13 @@ class OnlineStereoCalibration {
   void update();
   double lensErrorPx() const;
   ByRows expectedByRows(const Coefficients& v_variance) const;
-  Yaw yaw(const Likelihood& u, const Information& prior, const Coefficients& by_rows) const;
+  Yaw yaw(const LikelihoodByMotions& u, const Information& prior,
+          const Coefficients& by_rows) const;
   double tangentialPx(const Yaw& yaw, const Coefficients& v_variance) const;
 
   StereoCamera camera_;
   StereoCorrection correction_;
-  Likelihood u_;
+  LikelihoodByMotions u_;
   Likelihood v_;
   Coefficients expected_u_ = Coefficients::Zero();  // by the rows and the yaw
   /// Of a motion whose share of new features is still unknown.
