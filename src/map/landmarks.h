@@ -7,7 +7,6 @@
 #include <opencv2/core/mat.hpp>
 
 #include "features/features.h"
-#include "matching/patch_warp.h"
 #include "matching/stereo_frame.h"
 #include "motion/correspondence.h"
 #include "motion/residuals.h"
@@ -91,8 +90,10 @@ struct MapPoint {
   std::uint64_t id = 0;
   PointEstimate estimate;  ///< in the map [m]
   TrackStatistics statistics;
-  int octave = 0;          ///< pyramid level of its patch
-  PatchPlane patch_plane;  ///< in the map; of the left image that the point was created from
+  int octave = 0;  ///< pyramid level of its patch
+  /// Jacobian of the point on its surface by its pixel in the left image that it was created from,
+  /// in the map [m / px].
+  PixelAxes patch_axes = PixelAxes::Zero();
   std::array<std::uint8_t, kPatchSide * kPatchSide> patch{};  ///< from that image, in its octave
   Descriptor left{};
   Descriptor right{};

@@ -19,7 +19,7 @@ struct View {
   std::size_t index;  // of the point
   Eigen::Vector2f left_px;
   Eigen::Vector2f right_px;
-  StereoWarp warp;     // in the octave of its patch
+  StereoWarp warp;
   bool align = false;  // the pixels are accurate enough for the patch's alignment
 };
 
@@ -44,10 +44,9 @@ std::optional<View> viewOf(const std::vector<MapPoint>& points, std::size_t inde
   if (!context.masks.left.allowsPatch(context.left.toLevel(left.cast<float>(), octave), octave) ||
       !context.masks.right.allowsPatch(context.right.toLevel(right.cast<float>(), octave), octave))
     return std::nullopt;
-  const auto warp = stereoPatchWarp(camera, p, rotated(T_camera_map.linear(), point.patch_plane));
+  const auto warp = stereoPatchWarp(camera, p, T_camera_map.linear() * point.patch_axes);
   if (!warp) return std::nullopt;
-  return View{index, left.cast<float>(), right.cast<float>(),
-              inOctave(*warp, context.left.ratio(octave).maxCoeff()), point.statistics.missed == 0};
+  return View{index, left.cast<float>(), right.cast<float>(), *warp, point.statistics.missed == 0};
 }
 
 /// The points in view, in the order of the map.

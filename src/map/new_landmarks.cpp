@@ -61,7 +61,7 @@ MapPoint makePoint(const StereoFrame& frame, const StereoPoint& stereo, const St
   point.estimate.value = T_map_camera * stereo.triangulated.p_camera;
   point.estimate.sqrt_covariance =
       R * Eigen::Matrix3d(stereo.triangulated.covariance.llt().matrixL());
-  point.patch_plane = rotated(R, patchPlane(camera, stereo));
+  point.patch_axes = R * pixelAxes(camera, stereo);
   cv::Mat patch(MapPoint::kPatchSide, MapPoint::kPatchSide, CV_8UC1, point.patch.data());
   point.octave = keypoint.octave;
   const Eigen::Vector2f pixel = frame.left_image.toLevel(keypoint.pixel, keypoint.octave);

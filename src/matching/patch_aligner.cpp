@@ -103,7 +103,7 @@ PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel) {
 }
 
 PatchAligner::PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel,
-                           const PatchWarp& warp) {
+                           const Eigen::Matrix2f& warp) {
   if (const auto wide = sampleWidePatch(image, pixel, warp)) prepare(*wide);
 }
 

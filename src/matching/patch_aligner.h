@@ -18,14 +18,6 @@ struct AlignedPatch {
   double noise_px = std::sqrt(1.0 / 12.0);
 };
 
-/// The homography of a plane from the image in which its patch is searched to the source image,
-/// from which the patch is taken: offset x from the centre of the patch in the former is offset
-/// linear x / (1 + projective^T x) in the latter.
-struct PatchWarp {
-  Eigen::Matrix2f linear = Eigen::Matrix2f::Identity();  ///< Jacobian at the centre
-  Eigen::Vector2f projective = Eigen::Vector2f::Zero();  ///< [1 / px]
-};
-
 /// Aligns the patch around a pixel of one image, 11 x 11 px, with others by translation (inverse
 /// compositional Lucas-Kanade with the mean brightness removed). The other image may be exposed
 /// differently: where both brightness and contrast of its patch say so, it is divided by the ratio
@@ -42,8 +34,9 @@ class PatchAligner {
   /// \param image CV_8UC1. \param pixel centre of the patch.
   PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel);
 
-  /// The patch as another image shows it. \param warp from that image to this one.
-  PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel, const PatchWarp& warp);
+  /// The patch in another view.
+  /// \param warp Jacobian of the image's pixels by the patch's pixels.
+  PatchAligner(const cv::Mat& image, const Eigen::Vector2f& pixel, const Eigen::Matrix2f& warp);
 
   /// The patch in the target, without slopes. Nothing if it does not converge near the initial
   /// pixel, the patches differ, or the gradients of the patch have one direction only.

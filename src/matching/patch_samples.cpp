@@ -157,8 +157,8 @@ inline std::uint32_t loadSquare(const uchar* p, std::ptrdiff_t step) {
 /// Samples of a patch whose corners lie in the image. In two passes, so that each is computed with
 /// vectors but for the loading of pixels.
 POINT_LINE_ODOMETRY_CLONES("avx2")
-void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, const float* linear,
-                  const float* projective, Samples* __restrict samples) {
+void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, const float* warp,
+                  Samples* __restrict samples) {
   std::uint32_t pixels[kWider * kWiderPitch];
   float right[kWider * kWiderPitch];
   float below[kWider * kWiderPitch];
@@ -167,14 +167,12 @@ void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, 
   const int int_step = static_cast<int>(step);
   for (int r = 0; r < kWider; ++r) {
     const float down = static_cast<float>(r) - kHalfWider;
-    const float middle_x = down * linear[2];
-    const float middle_y = down * linear[3];
-    const float middle_w = 1.0F + down * projective[1];
+    const float middle_x = centre[0] + down * warp[2];
+    const float middle_y = centre[1] + down * warp[3];
     int offsets[kWiderPitch];
     for (int c = 0; c < kWiderPitch; ++c) {
-      const float scale = 1.0F / (middle_w + projective[0] * kFromMiddle[c]);
-      const float x = centre[0] + scale * (middle_x + linear[0] * kFromMiddle[c]);
-      const float y = centre[1] + scale * (middle_y + linear[1] * kFromMiddle[c]);
+      const float x = middle_x + warp[0] * kFromMiddle[c];
+      const float y = middle_y + warp[1] * kFromMiddle[c];
       const int left = static_cast<int>(x);
       const int above = static_cast<int>(y);
       right[r * kWiderPitch + c] = x - static_cast<float>(left);
@@ -194,24 +192,19 @@ void sampleInside(const uchar* image, std::ptrdiff_t step, const float* centre, 
   }
 }
 
-/// Samples of a patch under a warp. False if a bound of its extent lies outside of the image, or
-/// the plane is so oblique that the denominator of the homography falls below a half at a corner.
-bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre, const PatchWarp& warp,
+/// Samples of a patch under an affine warp. False if a corner lies outside of the image.
+bool sampleWarped(const cv::Mat& image, const Eigen::Vector2f& centre, const Eigen::Matrix2f& warp,
                   Samples* samples) {
   constexpr float kRounding = 0.001F;  // more than floats of this size are wrong by [px]
-  constexpr float kLeastDenominator = 0.5F;
-  const float denominator = 1.0F - kHalfWider * warp.projective.lpNorm<1>();  // the least one
-  if (!(denominator > kLeastDenominator)) return false;
-  const Eigen::Vector2f extent =
-      (kHalfWider / denominator * warp.linear.cwiseAbs().rowwise().sum()).array() + kRounding;
+  const Eigen::Vector2f extent = (kHalfWider * warp.cwiseAbs().rowwise().sum()).array() + kRounding;
   const Eigen::Vector2f low = centre - extent;
   const Eigen::Vector2f high = centre + extent;
   if (!(low.x() >= 0.0F && low.y() >= 0.0F && high.x() < static_cast<float>(image.cols - 1) &&
         high.y() < static_cast<float>(image.rows - 1))) {
     return false;
   }
-  sampleInside(image.data, static_cast<std::ptrdiff_t>(image.step1()), centre.data(),
-               warp.linear.data(), warp.projective.data(), samples);
+  sampleInside(image.data, static_cast<std::ptrdiff_t>(image.step1()), centre.data(), warp.data(),
+               samples);
   return true;
 }
 
@@ -279,7 +272,7 @@ bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen, Patch* v
 std::optional<WidePatch> sampleWidePatch(const cv::Mat& image, const Eigen::Vector2f& pixel) {
   Samples samples;
   if (!sampleOnPixels(image, pixel, &samples) &&
-      !sampleWarped(image, pixel, PatchWarp(), &samples)) {
+      !sampleWarped(image, pixel, Eigen::Matrix2f::Identity(), &samples)) {
     return std::nullopt;
   }
   std::optional<WidePatch> wide(std::in_place);
@@ -288,7 +281,7 @@ std::optional<WidePatch> sampleWidePatch(const cv::Mat& image, const Eigen::Vect
 }
 
 std::optional<WidePatch> sampleWidePatch(const cv::Mat& image, const Eigen::Vector2f& pixel,
-                                         const PatchWarp& warp) {
+                                         const Eigen::Matrix2f& warp) {
   Samples samples;
   if (!sampleWarped(image, pixel, warp, &samples)) return std::nullopt;
   std::optional<WidePatch> wide(std::in_place);

@@ -32,9 +32,9 @@ bool sampleSlantedPatch(const cv::Mat& image, const AlignedPatch& seen,
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel);
 
-/// The same as another image shows it. \param warp from that image to this one.
+/// The same under an affine warp: Jacobian of the image's pixels by the patch's pixels.
 std::optional<PatchAligner::WidePatch> sampleWidePatch(const cv::Mat& image,
                                                        const Eigen::Vector2f& pixel,
-                                                       const PatchWarp& warp);
+                                                       const Eigen::Matrix2f& warp);
 
 }  // namespace point_line_odometry

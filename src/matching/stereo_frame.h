@@ -14,6 +14,10 @@
 
 namespace point_line_odometry {
 
+/// Pixel axes: Jacobian of a surface point by the pixel (u, v) that observes it, in the frame of a
+/// camera or of the map [m / px].
+using PixelAxes = Eigen::Matrix<double, 3, 2>;
+
 /// A point matched in both images of one stereo frame.
 struct StereoPoint {
   int left = -1;   ///< index into DetectedFeatures::points_left

@@ -1,7 +1,6 @@
 #include "motion/online_stereo_calibration.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -15,8 +14,8 @@
 namespace point_line_odometry {
 namespace {
 
-// Of the weight of information, per frame: 1 / e remains after a thousand.
-constexpr double kFading = 1.0 - 1.0 / 1000.0;
+constexpr double kMemoryFrames =
+    1000.0;  // after which the weight of information has decayed to 1/e
 
 // Successive frames observe the same points with the same errors: of vertical disparities, this
 // many frames count as one.
@@ -42,11 +41,13 @@ StereoCorrection::Information verticalPrior() {
   return priorInformation(sigma.cwiseAbs2());
 }
 
-/// Variances of the disparity's coefficients that the rows do not show [px^2].
-StereoCorrection::Coefficients calibratedVariance() {
+/// \param tangential_px standard deviation of y^2 by what tangential distortion the rows show.
+/// \param by_rows variances of what a rotation or focal length that rows show displaces [px^2].
+StereoCorrection::Information disparityPrior(double tangential_px,
+                                             const StereoCorrection::Coefficients& by_rows) {
   StereoCorrection::Coefficients sigma;
-  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx, kSidePx;
-  return sigma.cwiseAbs2();
+  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, std::hypot(kHeldPx, tangential_px), kSidePx;
+  return priorInformation(sigma.cwiseAbs2() + by_rows);
 }
 
 // Standard deviation of what else than a rotation or another focal length displaces rows and
@@ -62,65 +63,39 @@ constexpr double kNoiseOfYaw = 1.5;
 // a car whose frames are 4 m apart.
 constexpr double kAssumedShareOfNew = 0.35;
 
-/// A quantity about zero of unknown variance, measured with an error: the share of the measurement
-/// that is its empirical Bayes estimate, and the share of the error's variance that remains. Zero
-/// where the error explains the measurement. \param square of the measurement. \param variance of
-/// the error.
-double bayesGain(double square, double variance) {
-  return square > variance ? 1.0 - variance / square : 0.0;
+/// A quantity about zero of unknown variance, measured with an error of this standard deviation:
+/// the share of the measurement that is its empirical Bayes estimate, and the share of the error's
+/// variance that remains. Zero where the error explains the measurement.
+double bayesGain(double measured, double sigma) {
+  const double ratio = sigma / measured;
+  return std::abs(measured) > sigma ? 1.0 - ratio * ratio : 0.0;
 }
 
 }  // namespace
 
 void OnlineStereoCalibration::Likelihood::add(const Information& more_information,
                                               const Coefficients& more_vector) {
-  information = kFading * information + more_information;
-  vector = kFading * vector + more_vector;
+  const double fading = 1.0 - 1.0 / kMemoryFrames;
+  information = fading * information + more_information;
+  vector = fading * vector + more_vector;
+}
+
+/// One factor is for the points that repeat their errors, two for the error that all have in
+/// common: on the disparity it acts inversely to the motion, and on the information by its square.
+void OnlineStereoCalibration::Likelihood::add(const CalibrationEvidence& motion,
+                                              double share_of_new) {
+  const double weight = std::pow(share_of_new, 3);
+  add(weight * motion.information, weight * motion.vector);
 }
 
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::mean(
-    const Information& prior) const {
-  return (prior + information).ldlt().solve(vector);
+    const Information& prior, const Coefficients& expected) const {
+  return (prior + information).ldlt().solve(prior * expected + vector);
 }
 
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::variance(
     const Information& prior) const {
   return (prior + information).inverse().diagonal();
-}
-
-/// One factor is for the points that repeat their errors, two for the error that all have in
-/// common: on the disparity it acts inversely to the motion, and on the information by its square.
-/// To the scatter a motion adds the square of what it shows, with that of its weight, divided by
-/// the share as it repeats what others showed.
-void OnlineStereoCalibration::LikelihoodByMotions::add(const CalibrationEvidence& motion,
-                                                       double share_of_new,
-                                                       const Coefficients& expected) {
-  const double weight = std::pow(share_of_new, 3);
-  Likelihood::add(weight * motion.information, weight * motion.vector);
-  const Coefficients unexpected = motion.vector - motion.information * expected;
-  scatter = kFading * kFading * scatter +
-            weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
-}
-
-/// Positive-part shrinkage, as James and Stein's. With v what is observed beyond the expected
-/// coefficients, the means by the two priors differ by G v, and v^T G v is trace(G V) on the mean
-/// if V, the covariance of v, explains it all. The information claims one such covariance, the
-/// scatter of the motions shows another, from two of them on. Both are too large: the former where
-/// motions count for less than their points show, the latter by the difference itself; so the
-/// smaller one counts.
-StereoCorrection::Coefficients OnlineStereoCalibration::LikelihoodByMotions::shrunkMean(
-    const Coefficients& shown_by_rows, const Coefficients& other,
-    const Coefficients& expected) const {
-  const Covariance prior_by_rows = shown_by_rows.asDiagonal();
-  const Covariance by_rows =
-      prior_by_rows *
-      (Covariance::Identity() + information * prior_by_rows).partialPivLu().inverse();
-  const Covariance G = (priorInformation(shown_by_rows + other) + information).inverse() - by_rows;
-  const Coefficients unexpected = vector - information * expected;
-  // Not below zero by rounding, where hardly anything was observed.
-  const double by_noise = std::max(0.0, std::min((G * information).trace(), (G * scatter).trace()));
-  const double gain = bayesGain(unexpected.dot(G * unexpected), by_noise);
-  return expected + by_rows * unexpected + gain * (G * unexpected);
 }
 
 OnlineStereoCalibration::OnlineStereoCalibration(const StereoCamera& camera)
@@ -151,7 +126,7 @@ void OnlineStereoCalibration::addVerticalDisparities(const std::vector<VerticalD
     vector += weight * sample.vertical_disparity_px * terms;
   }
   v_.add(information / kFramesPerSample, vector / kFramesPerSample);
-  correction_.v = v_.mean(verticalPrior());
+  correction_.v = v_.mean(verticalPrior(), Coefficients::Zero());
   update();
 }
 
@@ -203,23 +178,20 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 
 void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
                                         const std::optional<double>& share_of_new) {
-  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew), expected_u_);
-  if (share_of_new) u_.add(evidence, *share_of_new, expected_u_);
+  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew));
+  if (share_of_new) u_.add(evidence, *share_of_new);
   waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
   update();
 }
 
 void OnlineStereoCalibration::update() {
-  LikelihoodByMotions u = u_;
-  if (waiting_) u.add(*waiting_, kAssumedShareOfNew, expected_u_);
+  Likelihood u = u_;
+  if (waiting_) u.add(*waiting_, kAssumedShareOfNew);
   const Coefficients v_variance = v_.variance(verticalPrior());
   const ByRows by_rows = expectedByRows(v_variance);
-  const Coefficients other = calibratedVariance();
-  const Yaw yaw = this->yaw(u, priorInformation(by_rows.variance + other), by_rows.u);
-  Coefficients shown_by_rows = by_rows.variance;
-  shown_by_rows[5] += std::pow(tangentialPx(yaw, v_variance), 2);
-  expected_u_ = by_rows.u + yaw.u;
-  correction_.u = u.shrunkMean(shown_by_rows, other, expected_u_);
+  const Yaw yaw = this->yaw(u, disparityPrior(0.0, by_rows.variance), by_rows.u);
+  const Information prior = disparityPrior(tangentialPx(yaw, v_variance), by_rows.variance);
+  correction_.u = u.mean(prior, by_rows.u + yaw.u);
   correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px);
 }
 
@@ -246,7 +218,7 @@ OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
   ByRows by_rows;
   const auto expect = [&](int term_of_u, double factor, int term, double other_px) {
     const double sigma_px = std::hypot(std::sqrt(v_variance[term]), lens_px, other_px);
-    const double gain = bayesGain(v[term] * v[term], sigma_px * sigma_px);
+    const double gain = bayesGain(v[term], sigma_px);
     if (gain == 0.0) return;
     by_rows.u[term_of_u] = factor * gain * v[term];
     by_rows.variance[term_of_u] = gain * std::pow(factor * sigma_px, 2);
@@ -262,7 +234,7 @@ OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
 /// To first order a yaw w displaces columns by w (fx + x^2 / fx). What the motions show of u is a
 /// multiple of that, and beyond it what the prior allows: also of what a lens does, whose error is
 /// therefore not in the standard deviation.
-OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const LikelihoodByMotions& u,
+OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const Likelihood& u,
                                                           const Information& prior,
                                                           const Coefficients& by_rows) const {
   const double k = 0.5 * camera_.width / camera_.fx;
@@ -276,8 +248,8 @@ OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const LikelihoodByMoti
   const Coefficients unexplained = u.vector - u.information * by_rows;
   const double measured_px = weighted.dot(solver.solve(unexplained)) / information;
   const double noise_px = kNoiseOfYaw / std::sqrt(information);
-  const double other_px = std::hypot(noise_px, lensErrorPx(), kPrincipalPointPx);
-  const double gain = bayesGain(measured_px * measured_px, other_px * other_px);
+  const double gain =
+      bayesGain(measured_px, std::hypot(noise_px, lensErrorPx(), kPrincipalPointPx));
   return {gain * measured_px * shape, std::sqrt(gain) * noise_px * shape[0]};
 }
 

@@ -37,8 +37,7 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// the image's sides, and in y^2 where v shows tangential distortion. One that was knocked has that
 /// of a rotation: roll and pitch displace rows, too, as does another focal length; where v shows
 /// more of that than lenses explain, u is expected to be the rest of it, before the camera has
-/// moved. A yaw is taken from the motions. What noise explains of u is left out: of an exact camera
-/// it would be an error, of all distances in the same direction.
+/// moved. A yaw is taken from the motions.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -68,7 +67,6 @@ class OnlineStereoCalibration {
  private:
   using Coefficients = StereoCorrection::Coefficients;
   using Information = StereoCorrection::Information;
-  using Covariance = Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms>;
 
   /// What was observed of coefficients: a Gaussian in information form.
   struct Likelihood {
@@ -76,25 +74,12 @@ class OnlineStereoCalibration {
     Coefficients vector = Coefficients::Zero();
 
     void add(const Information& information, const Coefficients& vector);
-    /// With a prior of this information about zero.
-    Coefficients mean(const Information& prior) const;
+    /// Adds a motion to the estimate of u.
+    void add(const CalibrationEvidence& motion, double share_of_new);
+    /// With a prior of this information about the expected coefficients.
+    Coefficients mean(const Information& prior, const Coefficients& expected) const;
     Coefficients variance(const Information& prior) const;
     auto state() { return std::tie(information, vector); }
-  };
-
-  /// What the motions show of u.
-  struct LikelihoodByMotions : Likelihood {
-    /// Covariance of `vector`, by the scatter of the motions about the expected coefficients.
-    Information scatter = Information::Zero();
-
-    /// \param expected coefficients before this motion, or with it if it had to wait.
-    void add(const CalibrationEvidence& motion, double share_of_new, const Coefficients& expected);
-    /// The mean with a prior about the expected coefficients, with the sum of two variances [px^2],
-    /// moved towards that with the first of them alone by the share of the difference that noise
-    /// explains.
-    Coefficients shrunkMean(const Coefficients& shown_by_rows, const Coefficients& other,
-                            const Coefficients& expected) const;
-    auto state() { return std::tie(information, vector, scatter); }
   };
 
   /// What a rotation or another focal length of the right camera does, as far as the rows show it.
@@ -112,15 +97,13 @@ class OnlineStereoCalibration {
   void update();
   double lensErrorPx() const;
   ByRows expectedByRows(const Coefficients& v_variance) const;
-  Yaw yaw(const LikelihoodByMotions& u, const Information& prior,
-          const Coefficients& by_rows) const;
+  Yaw yaw(const Likelihood& u, const Information& prior, const Coefficients& by_rows) const;
   double tangentialPx(const Yaw& yaw, const Coefficients& v_variance) const;
 
   StereoCamera camera_;
   StereoCorrection correction_;
-  LikelihoodByMotions u_;
+  Likelihood u_;
   Likelihood v_;
-  Coefficients expected_u_ = Coefficients::Zero();  // by the rows and the yaw
   /// Of a motion whose share of new features is still unknown.
   std::optional<CalibrationEvidence> waiting_;
 };
@@ -130,9 +113,9 @@ std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame);
 
 inline auto OnlineStereoCalibration::state() {
-  auto& [camera, correction, u, v, expected_u, waiting] = *this;
+  auto& [camera, correction, u, v, waiting] = *this;
   static_cast<void>(camera);
-  return std::tie(correction, u, v, expected_u, waiting);
+  return std::tie(correction, u, v, waiting);
 }
 
 }  // namespace point_line_odometry

@@ -15,7 +15,7 @@ namespace {
 std::optional<StereoWarp> warpOf(const StereoPoint& point, const Eigen::Isometry3d& T_curr_earlier,
                                  const StereoCamera& camera) {
   return stereoPatchWarp(camera, T_curr_earlier * point.triangulated.p_camera,
-                         rotated(T_curr_earlier.linear(), patchPlane(camera, point)));
+                         T_curr_earlier.linear() * pixelAxes(camera, point));
 }
 
 /// The patch around a point of an earlier frame in an octave of its image, warped to both images of
@@ -24,8 +24,7 @@ StereoPatch patchOf(const ImagePyramid& earlier_image, const Eigen::Vector2f& pi
                     const std::optional<StereoWarp>& warp) {
   const cv::Mat& image = earlier_image.levels[static_cast<std::size_t>(octave)];
   const Eigen::Vector2f level_px = earlier_image.toLevel(pixel, octave);
-  const float ratio = earlier_image.ratio(octave).maxCoeff();
-  if (warp) return StereoPatch(image, level_px, inOctave(*warp, ratio));
+  if (warp) return StereoPatch(image, level_px, *warp);
   return StereoPatch(PatchAligner(image, level_px));
 }
 
@@ -143,9 +142,8 @@ bool warpsDiffer(const StereoFrame& earlier, const CircularMatches& matches,
     const auto before = warpOf(point, T_curr_earlier, camera);
     const auto now = warpOf(point, motion.T_curr_prev, camera);
     if (!now) continue;
-    const Eigen::Matrix2f& linear = now->left.linear;
     const Eigen::Matrix2f change =
-        before ? Eigen::Matrix2f(linear * before->left.linear.inverse()) : linear;
+        before ? Eigen::Matrix2f(now->left * before->left.inverse()) : now->left;
     // Of a scale 1 + s, or a roll by s, the norm is sqrt(2) s.
     const double size = (change - Eigen::Matrix2f::Identity()).norm() / std::sqrt(2.0);
     changed += size > kMaxChange ? 1 : 0;

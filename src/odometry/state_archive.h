@@ -40,14 +40,9 @@ inline auto stateOf(TrackStatistics& statistics) {
   return std::tie(seen, missed, last_keyframe);
 }
 
-inline auto stateOf(PatchPlane& plane) {
-  auto& [axes, log_depth_gradient] = plane;
-  return std::tie(axes, log_depth_gradient);
-}
-
 inline auto stateOf(MapPoint& point) {
-  auto& [id, estimate, statistics, octave, patch_plane, patch, left, right] = point;
-  return std::tie(id, estimate, statistics, octave, patch_plane, patch, left, right);
+  auto& [id, estimate, statistics, octave, patch_axes, patch, left, right] = point;
+  return std::tie(id, estimate, statistics, octave, patch_axes, patch, left, right);
 }
 
 inline auto stateOf(MapLine& line) {

@@ -34,9 +34,7 @@ std::optional<AlignedPatch> alignStereo(const cv::Mat& left_image, const cv::Mat
   // motion.
   Eigen::Matrix2f J_right_left = Eigen::Matrix2f::Identity();
   J_right_left.row(0) += slanted->slope.transpose();
-  PatchWarp warp;
-  warp.linear = J_right_left.inverse();
-  const PatchAligner warped(left_image, left_px, warp);
+  const PatchAligner warped(left_image, left_px, J_right_left.inverse());
   auto aligned = warped.align(right_image, slanted->pixel);
   if (aligned) aligned->slope = slanted->slope;
   return aligned;
