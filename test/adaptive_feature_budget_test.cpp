@@ -230,7 +230,7 @@ TEST(WithFeatureBudget, ScalesTheNumbersOfFeaturesAndTheWeakestEdge) {
   EXPECT_TRUE(checkParameters(least).empty()) << "at least one";
   EXPECT_EQ(least.lines.coarse_to_fine_points, 1);
   parameters.lines.coarse_to_fine_points = 100000;
-  EXPECT_EQ(withFeatureBudget(parameters, {0.5, false}).lines.coarse_to_fine_points, 300);
+  EXPECT_EQ(withFeatureBudget(parameters, {0.5, false}).lines.coarse_to_fine_points, 50000);
   parameters.lines.coarse_to_fine_points = 0;
   EXPECT_EQ(withFeatureBudget(parameters, {0.25, true}).lines.coarse_to_fine_points, 0);
   parameters.lines.min_gradient = 200.0;

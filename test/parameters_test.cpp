@@ -163,16 +163,15 @@ TEST_F(ParametersTest, EveryParameterIsLoaded) {
   const Table defaults = tableOf({});
   for (const std::string& name : defaults.names) {
     const std::string& old = defaults.values.at(name);
-    std::string other = old == "true"                           ? "false"
-                        : old == "false"                        ? "true"
-                        : old == "both"                         ? "left"
-                        : old == "brief"                        ? "orb"
-                        : old == "edge_chains"                  ? "lsd_or_edge_chains"
-                        : old == "without_landmarks"            ? "never"
-                        : name == "points/scale_factor"         ? "1.5"  // 2 is its upper limit
-                        : name == "imu/time_offset_s"           ? "0.01"
-                        : name == "lines/coarse_to_fine_points" ? "600"  // 100000 is
-                                                                : "";
+    std::string other = old == "true"                   ? "false"
+                        : old == "false"                ? "true"
+                        : old == "both"                 ? "left"
+                        : old == "brief"                ? "orb"
+                        : old == "edge_chains"          ? "lsd_or_edge_chains"
+                        : old == "without_landmarks"    ? "never"
+                        : name == "points/scale_factor" ? "1.5"  // 2 is its upper limit
+                        : name == "imu/time_offset_s"   ? "0.01"
+                                                        : "";
     if (other.empty()) {
       const double value = std::stod(old);
       other = value == 1.0         ? "2"

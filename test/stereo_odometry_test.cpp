@@ -20,6 +20,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 using synthetic::black;
+using synthetic::drive;
 using synthetic::frame;
 using synthetic::kFrames;
 using synthetic::kPeriodNs;
@@ -187,29 +188,37 @@ TEST(StereoOdometry, SameInputTwiceIsBitIdentical) {
   }
 }
 
-/// Also after a frame without any: it is the one before that is matched with the next.
-TEST(StereoOdometry, LinesAreCoarseToFineAfterFramesWithManyPoints) {
-  const auto detectedLines = [](int coarse_to_fine_points, int black_frame) {
-    Parameters parameters = roomParameters();
-    parameters.lines.coarse_to_fine_points = coarse_to_fine_points;
-    StereoOdometry odometry(kCamera, parameters);
-    std::vector<int> lines;
-    for (int k = 0; k < kFrames; ++k) {
-      const bool is_black = k == black_frame;
-      lines.push_back(
-          odometry.process(is_black ? black((k + 1) * kPeriodNs) : frame(k)).counts.lines_left);
+/// At full size at first, after a frame without any, and after a gap.
+TEST(StereoOdometry, LinesAreCoarseToFineWherePointsAreManyAndMotionsKnown) {
+  constexpr int kSettled = 5;  // motions
+  constexpr int kBlack = 8;
+  constexpr int kAfterGap = 6;
+  std::vector<StereoImages> with_black;
+  for (int k = 0; k <= kBlack + 1; ++k)
+    with_black.push_back(k == kBlack ? black((k + 1) * kPeriodNs) : drive(k));
+  std::vector<StereoImages> with_gap(with_black.begin(), with_black.begin() + kAfterGap + 1);
+  with_gap.back().stamp_ns += 12 * kPeriodNs;
+  const auto expectUntil = [](int doubted, const std::vector<StereoImages>& frames) {
+    const auto detectedLines = [&](int coarse_to_fine_points) {
+      Parameters parameters = roomParameters();
+      parameters.lines.coarse_to_fine_points = coarse_to_fine_points;
+      StereoOdometry odometry(kCamera, parameters);
+      std::vector<int> lines;
+      for (const StereoImages& images : frames)
+        lines.push_back(odometry.process(images).counts.lines_left);
+      return lines;
+    };
+    const std::vector<int> coarse_to_fine = detectedLines(0);
+    const std::vector<int> full = detectedLines(100000);
+    const std::vector<int> by_points = detectedLines(20);
+    for (int k = 0; k < static_cast<int>(frames.size()); ++k) {
+      if (k == kBlack) continue;
+      ASSERT_NE(coarse_to_fine[k], full[k]);
+      EXPECT_EQ(by_points[k], k > kSettled && k < doubted ? coarse_to_fine[k] : full[k]) << k;
     }
-    return lines;
   };
-  constexpr int kBlack = 4;
-  const std::vector<int> coarse_to_fine = detectedLines(0, kBlack);
-  const std::vector<int> full = detectedLines(100000, kBlack);
-  const std::vector<int> by_points = detectedLines(20, kBlack);
-  for (int k = 0; k < kFrames; ++k) {
-    if (k == kBlack) continue;
-    ASSERT_NE(coarse_to_fine[k], full[k]);
-    EXPECT_EQ(by_points[k], k > 0 ? coarse_to_fine[k] : full[k]) << k;
-  }
+  expectUntil(kBlack, with_black);
+  expectUntil(kAfterGap, with_gap);
 }
 
 TEST(StereoOdometry, PointsOnly) {

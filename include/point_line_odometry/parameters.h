@@ -28,7 +28,7 @@ struct LineParameters {
   int max_count = 300;
   double min_gradient = 4.0;
   double max_deviation_px = 1.0;
-  int coarse_to_fine_points = 100000;
+  int coarse_to_fine_points = 600;
   /// @}
 };
 
@@ -201,9 +201,10 @@ void visitParameters(AnyParameters& p, Visitor&& visit) {
   visit("lines/max_deviation_px", p.lines.max_deviation_px, 0.2, 5.0, "px",
         "how far edge pixels may lie from their segment; edge_chains only");
   visit("lines/coarse_to_fine_points", p.lines.coarse_to_fine_points, 0, 100000, "",
-        "after a frame with at least this many stereo points, segments are found in the images at "
-        "half their size and aligned in the full ones, which halves the time for lines; fewer "
-        "short ones are found. 0: in all frames, 100000: in none; edge_chains only");
+        "after five frames with a motion, of which the last has at least this many stereo points, "
+        "segments are found in the images at half their size and aligned in the full ones, which "
+        "halves the time for lines; fewer short ones are found. 0: in all frames, 100000: in none; "
+        "edge_chains only");
 
   visit("matching/max_disparity_px", p.matching.max_disparity_px, 1.0, 2000.0, "px",
         "largest disparity searched; sets the nearest depth");

@@ -21,8 +21,6 @@ constexpr double kByLandmarks = 2.0;
 constexpr std::size_t kFramesOfAKind = 3;  // of which a median is not changed by one
 constexpr double kShortest_ms = 1e-3;
 constexpr double kLargestGradient = 255.0;  // of lines/min_gradient [grey levels / px]
-// Stereo points that determine the motion: lines of the next frame may be found coarse to fine.
-constexpr int kEnoughPoints = 600;
 
 }  // namespace
 
@@ -92,11 +90,9 @@ Parameters withFeatureBudget(Parameters parameters, const FeatureBudget& budget)
   const double share = budget.share;
   if (budget.landmark_frames)
     parameters.tracking.landmark_frames = std::max(parameters.tracking.landmark_frames, 1);
-  int& coarse_to_fine_points = parameters.lines.coarse_to_fine_points;
-  if (share < 1.0) coarse_to_fine_points = std::min(coarse_to_fine_points, kEnoughPoints);
   // The last one, as lines would take longer where there are fewer points. Its 0 has a meaning.
-  for (int* count :
-       {&parameters.points.max_per_cell, &parameters.lines.max_count, &coarse_to_fine_points})
+  for (int* count : {&parameters.points.max_per_cell, &parameters.lines.max_count,
+                     &parameters.lines.coarse_to_fine_points})
     *count = std::max(std::min(*count, 1), static_cast<int>(std::lround(share * *count)));
   if (share < 1.0) {
     double& gradient = parameters.lines.min_gradient;

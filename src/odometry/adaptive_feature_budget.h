@@ -50,11 +50,10 @@ class AdaptiveFeatureBudget {
 };
 
 /// The parameters with the share of points/max_per_cell, lines/max_count and
-/// lines/coarse_to_fine_points (of 600, if that is more), at least one of each, and
-/// lines/min_gradient over it: time for segments goes by the number of edge pixels, not by that of
-/// the segments that are kept. The threshold of points stays, as FAST asks all pixels anyway, and
-/// without the weak ones dark images have none. With them StereoOdometry::setParameters() keeps the
-/// previous frame and the map.
+/// lines/coarse_to_fine_points, at least one of each, and lines/min_gradient over it: time for
+/// segments goes by the number of edge pixels, not by that of the segments that are kept. The
+/// threshold of points stays, as FAST asks all pixels anyway, and without the weak ones dark images
+/// have none. With them StereoOdometry::setParameters() keeps the previous frame and the map.
 Parameters withFeatureBudget(Parameters parameters, const FeatureBudget& budget);
 
 }  // namespace point_line_odometry

@@ -5,8 +5,6 @@
 namespace point_line_odometry {
 namespace {
 
-// Frames with features and a motion before one is tracked by landmarks alone: at the beginning and
-// after any doubt the map has few landmarks.
 constexpr int kSettledFrames = 5;
 
 // Largest share of new ones that is expected among the landmarks which the next frame with features
@@ -28,9 +26,11 @@ void LandmarkFrames::add(const TrackingResult& tracked, bool measured) {
   settled_ = settled ? std::min(settled_ + 1, kSettledFrames) : 0;
 }
 
+bool LandmarkFrames::isSettled() const { return settled_ == kSettledFrames; }
+
 bool LandmarkFrames::mayFollow(const LocalMap& map, double next_s,
                                const TrackingParameters& parameters) const {
-  return in_a_row_ < parameters.landmark_frames && settled_ == kSettledFrames &&
+  return in_a_row_ < parameters.landmark_frames && isSettled() &&
          next_s <= std::min(parameters.max_frame_gap_s, parameters.max_prediction_s) &&
          map.shareOfNew() * next_s <= kMostNew * previous_span_s_;
 }

@@ -26,8 +26,12 @@ class LandmarkFrames {
   /// The motion of the last frame is predicted, or the previous frame is another one.
   void forgetMotion() { motion_.reset(); }
 
-  /// Whether the next frame may be one: not too many in a row, motions of enough frames with
-  /// features before, and a view that changes slowly enough for the one with features after it.
+  /// Whether motions of enough frames with features are known in a row. At the beginning of a map
+  /// and after any doubt it has few landmarks, and the next frame needs all features there are.
+  bool isSettled() const;
+
+  /// Whether the next frame may be one: settled, not too many in a row, and a view that changes
+  /// slowly enough for the one with features after it.
   /// \param next_s time from the previous frame to that [s].
   bool mayFollow(const LocalMap& map, double next_s, const TrackingParameters& parameters) const;
 

@@ -194,6 +194,12 @@ std::optional<CameraVelocity> OdometryState::velocityFor(const FrameContext& con
   return velocity;
 }
 
+LineResolution OdometryState::lineResolution(const FrameContext& context) const {
+  const bool is_known = history.previous && landmark_frames.isSettled() && !spansGap(context);
+  return lineResolutionAfter(is_known ? history.previous->points.size() : 0,
+                             context.parameters.lines);
+}
+
 bool OdometryState::mayTrackLandmarks(const FrameContext& context) const {
   const TrackingParameters& parameters = context.parameters.tracking;
   if (tracking != TrackingState::kOk || !history.previous || !history.map ||

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "features/line_feature_detector.h"
 #include "motion/frame_intervals.h"
 #include "motion/noise_scale.h"
 #include "motion/online_stereo_calibration.h"
@@ -86,6 +87,10 @@ struct OdometryState {
   /// The velocity that predicts the motion of a frame since the previous one: OdometryPose's, or
   /// the mean of what is known of that motion and of the rest at that velocity.
   std::optional<CameraVelocity> velocityFor(const FrameContext& context) const;
+
+  /// At which size lines are looked for in a frame: coarse to fine where points are many, and
+  /// motions are known up to the last frame and for some frames before.
+  LineResolution lineResolution(const FrameContext& context) const;
 
   /// Whether the next frame may be tracked by landmarks alone: motions are known up to the last
   /// frame and for some frames before, and features were detected not too long ago.

@@ -16,12 +16,12 @@
 #include "odometry/frame_tracker.h"
 #include "odometry/image_scaling.h"
 #include "odometry/odometry_state.h"
-#include "odometry/relocalization.h"
 #include "odometry/stage_timer.h"
 #include "odometry/state_archive.h"
 #include "odometry/stereo_frame_builder.h"
 #include "odometry/stereo_triangulation.h"
 #include "odometry/tilt.h"
+#include "odometry/tracking_rounds.h"
 #include "odometry/window_adjustment.h"
 
 namespace point_line_odometry {
@@ -31,32 +31,7 @@ void requireFinite(const Eigen::Isometry3d& pose) {
   if (!pose.matrix().allFinite()) throw std::invalid_argument("a pose of the camera is not finite");
 }
 
-/// At which size lines are looked for in a frame that is matched with a previous one.
-LineResolution linesAfter(const std::optional<StereoFrame>& previous,
-                          const LineParameters& parameters) {
-  return lineResolutionAfter(previous ? previous->points.size() : 0, parameters);
-}
-
-/// What the frame-to-frame motion says about the right camera, if it is known.
-void addCalibrationEvidence(const FrameContext& context, TrackingResult* tracked,
-                            StageTimes* times) {
-  if (!calibratesStereo(context.parameters) || tracked->reason != TrackingReason::kNone ||
-      !tracked->frame_to_frame.ok())
-    return;
-  const StageTimer timer(times, Stage::kRefine);
-  tracked->calibration =
-      calibrationEvidence(tracked->correspondences, tracked->frame_to_frame,
-                          context.parameters.motion, context.camera, context.correction);
-}
-
 }  // namespace
-
-/// What a stereo pair shows, and the motion to it.
-struct TrackedFrame {
-  FrameContext context;
-  StereoFrame frame;
-  TrackingResult tracking;
-};
 
 /// The pipeline, as in the diagram of doc/how_it_works.md: track() and update() are one frame.
 class StereoOdometry::Impl {
@@ -92,8 +67,6 @@ class StereoOdometry::Impl {
                                              FrameResult* result);
   TrackedFrame track(StereoFrame detected, FrameContext context, const FramePrior& prior,
                      FrameResult* result);
-  void trackWithShutter(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
-  void recalibrate(const FramePrior& prior, TrackedFrame* tracked, FrameResult* result);
   void finishWindow(FrameResult* result);
   void update(TrackedFrame curr, const FramePrior& prior, FrameResult* result);
   void giveUp(const char* error, const FramePrior& prior, FrameResult* result);
@@ -139,9 +112,8 @@ void StereoOdometry::Impl::process(const StereoImages& received, const FramePrio
     update(*std::move(tracked), prior, result);
     return;
   }
-  const StereoFrame detected =
-      detectFeatures(&detector, linesAfter(state.history.previous, parameters.lines), context,
-                     threads.get(), &result->times);
+  const StereoFrame detected = detectFeatures(&detector, state.lineResolution(context), context,
+                                              threads.get(), &result->times);
   if (calibratesStereo(parameters) && !state.stereo_calibration.knowsVertical()) {
     const StereoFrame first =
         matchFeatures(detected, &detector, state.trackingStart(context, prior), &context,
@@ -193,7 +165,7 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
   state.followCorrection(context);
   state.resting.leaveOut(&frame);
   TrackedFrame tracked{std::move(context), std::move(frame), {}};
-  trackWithShutter(prior, &tracked, result);
+  trackWithShutter(prior, threads.get(), &state, &tracked, &result->times);
   // Of a body that is found, parts may still be in the way.
   constexpr int kMaxParts = 3;
   int parts = 0;
@@ -205,88 +177,12 @@ TrackedFrame StereoOdometry::Impl::track(StereoFrame detected, FrameContext cont
       tracked.context.shutter = state.predictedShutter(tracked.context);
       triangulateAgain(tracked.context, &tracked.frame);
     }
-    trackWithShutter(prior, &tracked, result);
+    trackWithShutter(prior, threads.get(), &state, &tracked, &result->times);
   }
   if (parts == kMaxParts) state.coverOtherMotions(std::nullopt, tracked.context, &tracked.tracking);
-  recalibrate(prior, &tracked, result);
+  recalibrate(prior, threads.get(), &state, &tracked, &result->times);
   state.coverUnsupportedMotion(prior, tracked.context, &tracked.tracking);
   return tracked;
-}
-
-/// Tracks the frame. What a rolling shutter shows depends on the velocity, which the frame's motion
-/// tells better than it was predicted: where it shows the features elsewhere, they are located and
-/// tracked again. So are those of a previous frame whose own motion was not known.
-void StereoOdometry::Impl::trackWithShutter(const FramePrior& prior, TrackedFrame* tracked,
-                                            FrameResult* result) {
-  constexpr int kMaxTimes = 3;
-  constexpr double kSame_px = 0.05;
-  FrameContext& context = tracked->context;
-  tracked->tracking =
-      trackOrRelocalize(state, tracked->frame, prior, context, threads.get(), &result->times);
-  const bool knows_previous =
-      state.history.previous && state.history.previous->shutter.isMeasured();
-  for (int i = 0; i < kMaxTimes && !context.shutter.isGlobal(); ++i) {
-    const TrackingResult& tracking = tracked->tracking;
-    if (tracking.reason != TrackingReason::kNone || tracking.relocalized) return;
-    const RollingShutter used = context.shutter;
-    const RollingShutter measured = state.measuredShutter(tracking, context);
-    tracked->frame.shutter = measured;
-    if ((knows_previous || i > 0) &&
-        rmsDifference(measured, used, tracked->frame, context.camera) < kSame_px)
-      return;
-    context.shutter = measured;
-    std::optional<OdometryState> located;
-    if (!knows_previous) {
-      located = state;
-      located->locateInMotion(context);
-    }
-    StereoFrame frame = tracked->frame;
-    triangulateAgain(context, &frame);
-    TrackingResult again = trackOrRelocalize(located ? *located : state, frame, prior, context,
-                                             threads.get(), &result->times);
-    if (again.reason != TrackingReason::kNone || again.relocalized) {
-      tracked->frame.shutter = context.shutter = used;
-      return;
-    }
-    again.tried_lost_map |= tracking.tried_lost_map;
-    if (located) state = *std::move(located);
-    tracked->frame = std::move(frame);
-    tracked->tracking = std::move(again);
-  }
-}
-
-/// Where a motion shows that the right camera was knocked, the landmarks of both frames are wrong,
-/// and so is the motion itself: it is estimated again with the correction that it shows. It shows
-/// more of it then: so again, until that is known as well as a calibrated camera's, or a few times.
-void StereoOdometry::Impl::recalibrate(const FramePrior& prior, TrackedFrame* tracked,
-                                       FrameResult* result) {
-  constexpr int kMaxTimes = 8;
-  addCalibrationEvidence(tracked->context, &tracked->tracking, &result->times);
-  for (int i = 0; i < kMaxTimes; ++i) {
-    const std::optional<CalibrationEvidence>& shown = tracked->tracking.calibration;
-    if (!shown || tracked->tracking.ambiguous) return;
-    const StereoCorrection used = tracked->context.correction;
-    const StereoCorrection correction = state.correctionBy(tracked->frame, shown, parameters);
-    const double least_px = i == 0 ? kOtherDisparityPx : StereoCorrection::kCalibratedPx;
-    if (commonDifference(correction, used, tracked->context.camera) < least_px) return;
-    tracked->context.correction = correction;
-    OdometryState corrected = state;
-    corrected.locateAgain(tracked->context);
-    StereoFrame frame = tracked->frame;
-    triangulateAgain(tracked->context, &frame);
-    frame.shutter = tracked->frame.shutter;  // differs by nothing that counts, but is measured
-    TrackingResult again =
-        trackOrRelocalize(corrected, frame, prior, tracked->context, threads.get(), &result->times);
-    addCalibrationEvidence(tracked->context, &again, &result->times);
-    if (!again.calibration) {
-      tracked->context.correction = used;
-      if (i == 0) tracked->tracking.calibration.reset();  // what it shows is refuted
-      return;
-    }
-    state = std::move(corrected);
-    tracked->frame = std::move(frame);
-    tracked->tracking = std::move(again);
-  }
 }
 
 /// Applies the bundle adjustment that ran meanwhile to the map.
