@@ -326,11 +326,13 @@ TEST(OnlineStereoCalibration, WhatTheRowsShowIsAsUncertainAsTheyShowIt) {
 }
 
 TEST(OnlineStereoCalibration, FramesAreWeightedByTheCubeOfTheShareOfNewFeatures) {
-  const auto estimated = [](double share_of_new) {
-    DistortedDrive drive(9);
-    drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0, 0.0;
-    drive.addMotion(share_of_new);
-    return drive.calibration.correction().u;
+  CalibrationEvidence motion;
+  motion.information(1, 1) = 1e4;
+  motion.vector(1) = 1e12;  // noise does not explain it
+  const auto estimated = [&](double share_of_new) {
+    OnlineStereoCalibration calibration(synthetic::camera());
+    calibration.addMotion(motion, share_of_new);
+    return calibration.correction().u;
   };
   EXPECT_EQ(estimated(0.0), StereoCorrection::Coefficients::Zero());
   // With much less information than the prior the estimate is linear in it.
@@ -340,11 +342,68 @@ TEST(OnlineStereoCalibration, FramesAreWeightedByTheCubeOfTheShareOfNewFeatures)
   EXPECT_LT(estimated(0.1).norm(), 0.5 * estimated(1.0).norm());
 }
 
+/// In most of twenty drives, which differ in their noise; of one that is displaced most is found.
+TEST(OnlineStereoCalibration, AnExactCameraStaysAsItIs) {
+  constexpr int kDrives = 20;
+  constexpr double kErrorPx = 0.1;
+  int left_alone = 0;
+  double squares = 0.0;
+  double squares_of_error = 0.0;
+  for (unsigned seed = 0; seed < kDrives; ++seed) {
+    DistortedDrive exact(seed);
+    DistortedDrive displaced(seed);
+    displaced.error.u(0) = kErrorPx;
+    for (int frame = 0; frame < 30; ++frame) {
+      exact.addMotion(0.5);
+      displaced.addMotion(0.5);
+    }
+    const StereoCorrection::Coefficients u = exact.calibration.correction().u;
+    left_alone += u.isZero() ? 1 : 0;
+    squares += u(0) * u(0);
+    squares_of_error += std::pow(displaced.calibration.correction().u(0) - kErrorPx, 2);
+  }
+  EXPECT_GE(left_alone, 15);
+  EXPECT_LT(std::sqrt(squares / kDrives), 0.003);
+  EXPECT_LT(std::sqrt(squares_of_error / kDrives), 0.5 * kErrorPx);
+}
+
+/// The offset after motions that each show it so many times their own standard deviation, and what
+/// it would be if noise explained nothing of it: the ratio.
+double shareUsed(const std::vector<double>& deviations) {
+  constexpr double kInformation = 1e4;
+  constexpr double kPriorPx = 0.08;
+  OnlineStereoCalibration calibration(synthetic::camera());
+  double vector = 0.0;
+  for (const double deviation : deviations) {
+    CalibrationEvidence motion;
+    motion.information(0, 0) = kInformation;
+    motion.vector(0) = deviation * std::sqrt(kInformation);
+    vector += motion.vector(0);
+    calibration.addMotion(motion, 1.0);
+  }
+  const double information =
+      static_cast<double>(deviations.size()) * kInformation + 1.0 / (kPriorPx * kPriorPx);
+  return calibration.correction().u(0) / (vector / information);
+}
+
+TEST(OnlineStereoCalibration, WhatNoiseExplainsIsLeftOut) {
+  EXPECT_NEAR(shareUsed({0.9}), 0.0, 1e-9) << "by the noise that the motion claims";
+  EXPECT_NEAR(shareUsed({3.0}), 1.0 - 1.0 / 81.0, 1e-3) << "the same";
+  // Motions that agree show their noise to be less than they claim.
+  EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.5)), 1.0, 1e-3);
+  EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.05)), 1.0, 1e-3);
+  // The first deviates by 1.2 from none before it, the second by 0.8 from it.
+  EXPECT_NEAR(shareUsed({1.2, 2.0}), 1.0 - std::pow(2.0 / 10.24, 2), 0.01);
+  EXPECT_EQ(shareUsed({0.5, -0.4, 0.5, -0.4, 0.5, -0.4}), 0.0);
+  EXPECT_EQ(shareUsed({3.0, -2.9, 3.0, -2.9}), 0.0);
+}
+
 /// As the first frame of a map: it counts as much as the next one.
 TEST(OnlineStereoCalibration, AnUnknownShareOfNewFeaturesIsAssumedUntilThatOfTheNextMotion) {
   DistortedDrive drive(9);
   drive.error.u << 0.0, 0.25, 0.0, -0.3, 0.0, 0.0, 0.0;
-  const CalibrationEvidence motion = drive.motion();
+  CalibrationEvidence motion = drive.motion();
+  motion.vector *= 100.0;  // noise does not explain it
   const auto estimated = [&](const std::vector<std::optional<double>>& shares) {
     OnlineStereoCalibration calibration(drive.camera);
     for (const auto& share : shares) calibration.addMotion(motion, share);

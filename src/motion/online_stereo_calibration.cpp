@@ -1,6 +1,7 @@
 #include "motion/online_stereo_calibration.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -14,8 +15,8 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr double kMemoryFrames =
-    1000.0;  // after which the weight of information has decayed to 1/e
+// Of the weight of information, per frame: 1 / e remains after a thousand.
+constexpr double kFading = 1.0 - 1.0 / 1000.0;
 
 // Successive frames observe the same points with the same errors: of vertical disparities, this
 // many frames count as one.
@@ -41,13 +42,11 @@ StereoCorrection::Information verticalPrior() {
   return priorInformation(sigma.cwiseAbs2());
 }
 
-/// \param tangential_px standard deviation of y^2 by what tangential distortion the rows show.
-/// \param by_rows variances of what a rotation or focal length that rows show displaces [px^2].
-StereoCorrection::Information disparityPrior(double tangential_px,
-                                             const StereoCorrection::Coefficients& by_rows) {
+/// Variances of the disparity's coefficients that the rows do not show [px^2].
+StereoCorrection::Coefficients calibratedVariance() {
   StereoCorrection::Coefficients sigma;
-  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, std::hypot(kHeldPx, tangential_px), kSidePx;
-  return priorInformation(sigma.cwiseAbs2() + by_rows);
+  sigma << kHeldPx, kFreePx, kHeldPx, kFreePx, kFreePx, kHeldPx, kSidePx;
+  return sigma.cwiseAbs2();
 }
 
 // Standard deviation of what else than a rotation or another focal length displaces rows and
@@ -71,21 +70,19 @@ double bayesGain(double measured, double sigma) {
   return std::abs(measured) > sigma ? 1.0 - ratio * ratio : 0.0;
 }
 
+/// The share of a measurement that is used: nothing where the noise explains its square, and more
+/// than the empirical Bayes estimate, 1 - noise / square, where it does not.
+double shareBeyondNoise(double square, double noise) {
+  const double ratio = noise / square;
+  return square > noise ? 1.0 - ratio * ratio : 0.0;
+}
+
 }  // namespace
 
 void OnlineStereoCalibration::Likelihood::add(const Information& more_information,
                                               const Coefficients& more_vector) {
-  const double fading = 1.0 - 1.0 / kMemoryFrames;
-  information = fading * information + more_information;
-  vector = fading * vector + more_vector;
-}
-
-/// One factor is for the points that repeat their errors, two for the error that all have in
-/// common: on the disparity it acts inversely to the motion, and on the information by its square.
-void OnlineStereoCalibration::Likelihood::add(const CalibrationEvidence& motion,
-                                              double share_of_new) {
-  const double weight = std::pow(share_of_new, 3);
-  add(weight * motion.information, weight * motion.vector);
+  information = kFading * information + more_information;
+  vector = kFading * vector + more_vector;
 }
 
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::mean(
@@ -96,6 +93,45 @@ StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::mean(
 StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::variance(
     const Information& prior) const {
   return (prior + information).inverse().diagonal();
+}
+
+/// One factor is for the points that repeat their errors, two for the error that all have in
+/// common: on the disparity it acts inversely to the motion, and on the information by its square.
+/// To the scatter a motion adds the square of what it shows, with that of its weight, divided by
+/// the share as it repeats what others showed.
+void OnlineStereoCalibration::LikelihoodByMotions::add(const CalibrationEvidence& motion,
+                                                       double share_of_new,
+                                                       const DisparityPrior& prior) {
+  const double weight = std::pow(share_of_new, 3);
+  const Coefficients unexpected =
+      motion.vector - motion.information * mean(prior.information(), prior.mean);
+  Likelihood::add(weight * motion.information, weight * motion.vector);
+  scatter = kFading * kFading * scatter +
+            weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
+}
+
+StereoCorrection::Information OnlineStereoCalibration::DisparityPrior::information() const {
+  return priorInformation(variance_by_rows + calibratedVariance());
+}
+
+/// Shrinkage as James and Stein's, of less of what noise does not explain. With v what is observed
+/// beyond the prior's mean, the means with and without the variance of a calibrated camera differ
+/// by G v, and v^T G v is trace(G V) on the mean if V, the covariance of v, explains it all. The
+/// information claims one such covariance, the scatter of the motions shows another, from two of
+/// them on. Both are too large: the former where motions count for less than their points show, the
+/// latter by what the first ones show; so the smaller one counts.
+StereoCorrection::Coefficients OnlineStereoCalibration::LikelihoodByMotions::shrunkMean(
+    const DisparityPrior& prior) const {
+  const Covariance prior_by_rows = prior.variance_by_rows.asDiagonal();
+  const Covariance by_rows =
+      prior_by_rows *
+      (Covariance::Identity() + information * prior_by_rows).partialPivLu().inverse();
+  const Covariance G = (prior.information() + information).inverse() - by_rows;
+  const Coefficients unexpected = vector - information * prior.mean;
+  // Not below zero by rounding, where hardly anything was observed.
+  const double by_noise = std::max(0.0, std::min((G * information).trace(), (G * scatter).trace()));
+  const double share = shareBeyondNoise(unexpected.dot(G * unexpected), by_noise);
+  return prior.mean + by_rows * unexpected + share * (G * unexpected);
 }
 
 OnlineStereoCalibration::OnlineStereoCalibration(const StereoCamera& camera)
@@ -178,20 +214,21 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 
 void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
                                         const std::optional<double>& share_of_new) {
-  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew));
-  if (share_of_new) u_.add(evidence, *share_of_new);
+  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew), u_prior_);
+  if (share_of_new) u_.add(evidence, *share_of_new, u_prior_);
   waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
   update();
 }
 
 void OnlineStereoCalibration::update() {
-  Likelihood u = u_;
-  if (waiting_) u.add(*waiting_, kAssumedShareOfNew);
+  LikelihoodByMotions u = u_;
+  if (waiting_) u.add(*waiting_, kAssumedShareOfNew, u_prior_);
   const Coefficients v_variance = v_.variance(verticalPrior());
-  const ByRows by_rows = expectedByRows(v_variance);
-  const Yaw yaw = this->yaw(u, disparityPrior(0.0, by_rows.variance), by_rows.u);
-  const Information prior = disparityPrior(tangentialPx(yaw, v_variance), by_rows.variance);
-  correction_.u = u.mean(prior, by_rows.u + yaw.u);
+  u_prior_ = expectedByRows(v_variance);
+  const Yaw yaw = this->yaw(u, u_prior_);
+  u_prior_.mean += yaw.u;
+  u_prior_.variance_by_rows[5] += std::pow(tangentialPx(yaw, v_variance), 2);
+  correction_.u = u.shrunkMean(u_prior_);
   correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px);
 }
 
@@ -211,17 +248,17 @@ double OnlineStereoCalibration::lensErrorPx() const {
 /// To first order a roll w displaces a pixel (x, y) from the principal point by w (-y fx / fy,
 /// x fy / fx), a pitch w by w (x y / fy, fy + y^2 / fy), and a focal length longer by the share s
 /// by s (x, y). The rows cannot tell a yaw from what lenses do.
-OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
+OnlineStereoCalibration::DisparityPrior OnlineStereoCalibration::expectedByRows(
     const Coefficients& v_variance) const {
   const Coefficients& v = correction_.v;
   const double lens_px = lensErrorPx();
-  ByRows by_rows;
+  DisparityPrior by_rows;
   const auto expect = [&](int term_of_u, double factor, int term, double other_px) {
     const double sigma_px = std::hypot(std::sqrt(v_variance[term]), lens_px, other_px);
     const double gain = bayesGain(v[term], sigma_px);
     if (gain == 0.0) return;
-    by_rows.u[term_of_u] = factor * gain * v[term];
-    by_rows.variance[term_of_u] = gain * std::pow(factor * sigma_px, 2);
+    by_rows.mean[term_of_u] = factor * gain * v[term];
+    by_rows.variance_by_rows[term_of_u] = gain * std::pow(factor * sigma_px, 2);
   };
   const double aspect = camera_.fx / camera_.fy;
   const double k = 0.5 * camera_.width / camera_.fy;
@@ -235,8 +272,8 @@ OnlineStereoCalibration::ByRows OnlineStereoCalibration::expectedByRows(
 /// multiple of that, and beyond it what the prior allows: also of what a lens does, whose error is
 /// therefore not in the standard deviation.
 OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const Likelihood& u,
-                                                          const Information& prior,
-                                                          const Coefficients& by_rows) const {
+                                                          const DisparityPrior& by_rows) const {
+  const Information prior = by_rows.information();
   const double k = 0.5 * camera_.width / camera_.fx;
   Coefficients shape = Coefficients::Zero();
   shape[0] = 1.0 + k * k / 3.0;
@@ -245,7 +282,7 @@ OnlineStereoCalibration::Yaw OnlineStereoCalibration::yaw(const Likelihood& u,
   const Eigen::LDLT<Information> solver(prior + u.information);
   const double information = weighted.dot(shape - solver.solve(weighted));
   if (!(information > 0.0)) return {};
-  const Coefficients unexplained = u.vector - u.information * by_rows;
+  const Coefficients unexplained = u.vector - u.information * by_rows.mean;
   const double measured_px = weighted.dot(solver.solve(unexplained)) / information;
   const double noise_px = kNoiseOfYaw / std::sqrt(information);
   const double gain =

@@ -37,7 +37,8 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// the image's sides, and in y^2 where v shows tangential distortion. One that was knocked has that
 /// of a rotation: roll and pitch displace rows, too, as does another focal length; where v shows
 /// more of that than lenses explain, u is expected to be the rest of it, before the camera has
-/// moved. A yaw is taken from the motions.
+/// moved. A yaw is taken from the motions. What noise explains of u is left out: of an exact camera
+/// it would be an error, of all distances in the same direction.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -67,6 +68,7 @@ class OnlineStereoCalibration {
  private:
   using Coefficients = StereoCorrection::Coefficients;
   using Information = StereoCorrection::Information;
+  using Covariance = Eigen::Matrix<double, StereoCorrection::kTerms, StereoCorrection::kTerms>;
 
   /// What was observed of coefficients: a Gaussian in information form.
   struct Likelihood {
@@ -74,18 +76,32 @@ class OnlineStereoCalibration {
     Coefficients vector = Coefficients::Zero();
 
     void add(const Information& information, const Coefficients& vector);
-    /// Adds a motion to the estimate of u.
-    void add(const CalibrationEvidence& motion, double share_of_new);
     /// With a prior of this information about the expected coefficients.
     Coefficients mean(const Information& prior, const Coefficients& expected) const;
     Coefficients variance(const Information& prior) const;
     auto state() { return std::tie(information, vector); }
   };
 
-  /// What a rotation or another focal length of the right camera does, as far as the rows show it.
-  struct ByRows {
-    Coefficients u = Coefficients::Zero();  ///< the displacement
-    Coefficients variance = Coefficients::Zero();
+  /// What is known of u without the motions.
+  struct DisparityPrior {
+    Coefficients mean = Coefficients::Zero();
+    Coefficients variance_by_rows = Coefficients::Zero();  ///< what the rows leave open [px^2]
+
+    /// With the variance of a calibrated camera.
+    Information information() const;
+    auto state() { return std::tie(mean, variance_by_rows); }
+  };
+
+  /// What the motions show of u.
+  struct LikelihoodByMotions : Likelihood {
+    /// Covariance of `vector`, by the scatter of each motion about the mean of those before it.
+    Information scatter = Information::Zero();
+
+    void add(const CalibrationEvidence& motion, double share_of_new, const DisparityPrior& prior);
+    /// The mean, moved towards that without the variance of a calibrated camera as far as noise
+    /// explains the difference.
+    Coefficients shrunkMean(const DisparityPrior& prior) const;
+    auto state() { return std::tie(information, vector, scatter); }
   };
 
   /// What a yaw of the right camera does.
@@ -96,14 +112,15 @@ class OnlineStereoCalibration {
 
   void update();
   double lensErrorPx() const;
-  ByRows expectedByRows(const Coefficients& v_variance) const;
-  Yaw yaw(const Likelihood& u, const Information& prior, const Coefficients& by_rows) const;
+  DisparityPrior expectedByRows(const Coefficients& v_variance) const;
+  Yaw yaw(const Likelihood& u, const DisparityPrior& by_rows) const;
   double tangentialPx(const Yaw& yaw, const Coefficients& v_variance) const;
 
   StereoCamera camera_;
   StereoCorrection correction_;
-  Likelihood u_;
+  LikelihoodByMotions u_;
   Likelihood v_;
+  DisparityPrior u_prior_;  // by the rows and the yaw
   /// Of a motion whose share of new features is still unknown.
   std::optional<CalibrationEvidence> waiting_;
 };
@@ -113,9 +130,9 @@ std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame);
 
 inline auto OnlineStereoCalibration::state() {
-  auto& [camera, correction, u, v, waiting] = *this;
+  auto& [camera, correction, u, v, u_prior, waiting] = *this;
   static_cast<void>(camera);
-  return std::tie(correction, u, v, waiting);
+  return std::tie(correction, u, v, u_prior, waiting);
 }
 
 }  // namespace point_line_odometry
