@@ -392,8 +392,8 @@ TEST(OnlineStereoCalibration, WhatNoiseExplainsIsLeftOut) {
   // Motions that agree show their noise to be less than they claim.
   EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.5)), 1.0, 1e-3);
   EXPECT_NEAR(shareUsed(std::vector<double>(10, 0.05)), 1.0, 1e-3);
-  // The first deviates by 1.2 from none before it, the second by 0.8 from it.
-  EXPECT_NEAR(shareUsed({1.2, 2.0}), 1.0 - std::pow(2.0 / 10.24, 2), 0.01);
+  // The first deviates by 1.2 from none before it, the second by 0.2 from it.
+  EXPECT_NEAR(shareUsed({1.2, 1.4}), 1.0 - std::pow((1.44 + 0.04) / 6.76, 2), 0.01);
   EXPECT_EQ(shareUsed({0.5, -0.4, 0.5, -0.4, 0.5, -0.4}), 0.0);
   EXPECT_EQ(shareUsed({3.0, -2.9, 3.0, -2.9}), 0.0);
 }
@@ -416,6 +416,29 @@ TEST(OnlineStereoCalibration, AnUnknownShareOfNewFeaturesIsAssumedUntilThatOfThe
   EXPECT_TRUE(estimated({std::nullopt, std::nullopt, kKnown})
                   .isApprox(estimated({kAssumed, kKnown, kKnown})));
   EXPECT_FALSE(estimated({std::nullopt}).isApprox(estimated({kKnown}), 0.1)) << "it matters";
+}
+
+/// Also where there is a yaw, and rows between the motions.
+TEST(OnlineStereoCalibration, AMotionThatWaitsCountsAsIfItsShareWereKnown) {
+  DistortedDrive drive(11);
+  drive.error.u = drive.byYaw(5.0);
+  constexpr double kShare = 0.5;
+  std::vector<CalibrationEvidence> motions;
+  for (int frame = 0; frame < 8; ++frame) motions.push_back(drive.motion());
+  OnlineStereoCalibration waited(drive.camera);
+  OnlineStereoCalibration known(drive.camera);
+  for (std::size_t k = 0; k < motions.size(); ++k) {
+    waited.addMotion(motions[k], k == 0 ? std::nullopt : std::make_optional(kShare));
+    known.addMotion(motions[k], kShare);
+    const StereoCorrection::Coefficients u = waited.correction().u;
+    waited.addVerticalDisparities({}, kSigmaPx);
+    known.addVerticalDisparities({}, kSigmaPx);
+    EXPECT_TRUE(waited.correction().u.isApprox(u)) << k;
+    if (k > 0) {
+      EXPECT_TRUE(waited.correction().u.isApprox(known.correction().u)) << k;
+    }
+  }
+  EXPECT_GT(known.correction().u(0), 3.0) << "a yaw";
 }
 
 /// A prior of 0.08 px holds the offset of a calibrated camera.

@@ -70,8 +70,9 @@ double bayesGain(double measured, double sigma) {
   return std::abs(measured) > sigma ? 1.0 - ratio * ratio : 0.0;
 }
 
-/// The share of a measurement that is used: nothing where the noise explains its square, and more
-/// than the empirical Bayes estimate, 1 - noise / square, where it does not.
+/// The share that is used of measurements with the sum of squares s, of which noise explains n: 0
+/// if that is all, else 1 - (n / s)^2. The shrinkage of James and Stein, 1 - n / s, takes more from
+/// cameras that are wrong: 1.4 instead of 1.16 times the ATE with an offset of 0.05 px.
 double shareBeyondNoise(double square, double noise) {
   const double ratio = noise / square;
   return square > noise ? 1.0 - ratio * ratio : 0.0;
@@ -95,37 +96,21 @@ StereoCorrection::Coefficients OnlineStereoCalibration::Likelihood::variance(
   return (prior + information).inverse().diagonal();
 }
 
-/// One factor is for the points that repeat their errors, two for the error that all have in
-/// common: on the disparity it acts inversely to the motion, and on the information by its square.
-/// To the scatter a motion adds the square of what it shows, with that of its weight, divided by
-/// the share as it repeats what others showed.
-void OnlineStereoCalibration::LikelihoodByMotions::add(const CalibrationEvidence& motion,
-                                                       double share_of_new,
-                                                       const DisparityPrior& prior) {
-  const double weight = std::pow(share_of_new, 3);
-  const Coefficients unexpected =
-      motion.vector - motion.information * mean(prior.information(), prior.mean);
-  Likelihood::add(weight * motion.information, weight * motion.vector);
-  scatter = kFading * kFading * scatter +
-            weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
-}
-
 StereoCorrection::Information OnlineStereoCalibration::DisparityPrior::information() const {
   return priorInformation(variance_by_rows + calibratedVariance());
 }
 
-/// Shrinkage as James and Stein's, of less of what noise does not explain. With v what is observed
-/// beyond the prior's mean, the means with and without the variance of a calibrated camera differ
-/// by G v, and v^T G v is trace(G V) on the mean if V, the covariance of v, explains it all. The
-/// information claims one such covariance, the scatter of the motions shows another, from two of
-/// them on. Both are too large: the former where motions count for less than their points show, the
-/// latter by what the first ones show; so the smaller one counts.
+/// With w what is observed beyond the prior's mean, the means with and without the variance of a
+/// calibrated camera differ by G w, and w^T G w is trace(G W) on the mean if noise with the
+/// covariance W explains it all. The information claims one such covariance, the scatter of the
+/// motions shows another, from two of them on. Both are too large: the former where motions count
+/// for less than their points show, the latter by what the first ones show; so the smaller one
+/// counts.
 StereoCorrection::Coefficients OnlineStereoCalibration::LikelihoodByMotions::shrunkMean(
     const DisparityPrior& prior) const {
   const Covariance prior_by_rows = prior.variance_by_rows.asDiagonal();
   const Covariance by_rows =
-      prior_by_rows *
-      (Covariance::Identity() + information * prior_by_rows).partialPivLu().inverse();
+      prior_by_rows * (Covariance::Identity() + information * prior_by_rows).inverse();
   const Covariance G = (prior.information() + information).inverse() - by_rows;
   const Coefficients unexpected = vector - information * prior.mean;
   // Not below zero by rounding, where hardly anything was observed.
@@ -214,22 +199,45 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 
 void OnlineStereoCalibration::addMotion(const CalibrationEvidence& evidence,
                                         const std::optional<double>& share_of_new) {
-  if (waiting_) u_.add(*waiting_, share_of_new.value_or(kAssumedShareOfNew), u_prior_);
-  if (share_of_new) u_.add(evidence, *share_of_new, u_prior_);
+  if (waiting_) add(*waiting_, share_of_new.value_or(kAssumedShareOfNew), &u_);
+  if (share_of_new) add(evidence, *share_of_new, &u_);
   waiting_ = share_of_new ? std::nullopt : std::make_optional(evidence);
   update();
 }
 
+/// One factor is for the points that repeat their errors, two for the error that all have in
+/// common: on the disparity it acts inversely to the motion, and on the information by its square.
+/// To the scatter a motion adds the square of what it shows, with that of its weight, divided by
+/// the share as it repeats what others showed. A yaw that it is the first to show is no scatter.
+void OnlineStereoCalibration::add(const CalibrationEvidence& motion, double share_of_new,
+                                  LikelihoodByMotions* u) const {
+  const Likelihood before = *u;
+  const double weight = std::pow(share_of_new, 3);
+  u->add(weight * motion.information, weight * motion.vector);
+  const DisparityPrior prior = disparityPrior(*u);
+  const Coefficients unexpected =
+      motion.vector - motion.information * before.mean(prior.information(), prior.mean);
+  u->scatter = kFading * kFading * u->scatter +
+               weight * std::pow(share_of_new, 2) * unexpected * unexpected.transpose();
+}
+
 void OnlineStereoCalibration::update() {
   LikelihoodByMotions u = u_;
-  if (waiting_) u.add(*waiting_, kAssumedShareOfNew, u_prior_);
+  if (waiting_) add(*waiting_, kAssumedShareOfNew, &u);
+  const DisparityPrior prior = disparityPrior(u);
+  correction_.u = u.shrunkMean(prior);
+  correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, prior.yaw_sigma_px);
+}
+
+OnlineStereoCalibration::DisparityPrior OnlineStereoCalibration::disparityPrior(
+    const Likelihood& u) const {
   const Coefficients v_variance = v_.variance(verticalPrior());
-  u_prior_ = expectedByRows(v_variance);
-  const Yaw yaw = this->yaw(u, u_prior_);
-  u_prior_.mean += yaw.u;
-  u_prior_.variance_by_rows[5] += std::pow(tangentialPx(yaw, v_variance), 2);
-  correction_.u = u.shrunkMean(u_prior_);
-  correction_.disparity_error_px = std::hypot(StereoCorrection::kCalibratedPx, yaw.sigma_px);
+  DisparityPrior prior = expectedByRows(v_variance);
+  const Yaw yaw = this->yaw(u, prior);
+  prior.mean += yaw.u;
+  prior.variance_by_rows[5] += std::pow(tangentialPx(yaw, v_variance), 2);
+  prior.yaw_sigma_px = yaw.sigma_px;
+  return prior;
 }
 
 bool OnlineStereoCalibration::knowsVertical() const {

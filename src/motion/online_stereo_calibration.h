@@ -37,8 +37,9 @@ std::optional<CalibrationEvidence> calibrationEvidence(const Correspondences& co
 /// the image's sides, and in y^2 where v shows tangential distortion. One that was knocked has that
 /// of a rotation: roll and pitch displace rows, too, as does another focal length; where v shows
 /// more of that than lenses explain, u is expected to be the rest of it, before the camera has
-/// moved. A yaw is taken from the motions. What noise explains of u is left out: of an exact camera
-/// it would be an error, of all distances in the same direction.
+/// moved. A yaw is taken from the motions. As far as noise explains what else they show of u, as a
+/// whole, it is left out: of an exact camera it would be an error, of all distances in the same
+/// direction.
 class OnlineStereoCalibration {
  public:
   explicit OnlineStereoCalibration(const StereoCamera& camera);
@@ -82,14 +83,14 @@ class OnlineStereoCalibration {
     auto state() { return std::tie(information, vector); }
   };
 
-  /// What is known of u without the motions.
+  /// What is expected of u by the rows and by the yaw that the motions show.
   struct DisparityPrior {
     Coefficients mean = Coefficients::Zero();
     Coefficients variance_by_rows = Coefficients::Zero();  ///< what the rows leave open [px^2]
+    double yaw_sigma_px = 0.0;  ///< standard deviation of the constant term of a yaw
 
     /// With the variance of a calibrated camera.
     Information information() const;
-    auto state() { return std::tie(mean, variance_by_rows); }
   };
 
   /// What the motions show of u.
@@ -97,9 +98,8 @@ class OnlineStereoCalibration {
     /// Covariance of `vector`, by the scatter of each motion about the mean of those before it.
     Information scatter = Information::Zero();
 
-    void add(const CalibrationEvidence& motion, double share_of_new, const DisparityPrior& prior);
     /// The mean, moved towards that without the variance of a calibrated camera as far as noise
-    /// explains the difference.
+    /// explains the difference, all coefficients by the same share.
     Coefficients shrunkMean(const DisparityPrior& prior) const;
     auto state() { return std::tie(information, vector, scatter); }
   };
@@ -110,7 +110,9 @@ class OnlineStereoCalibration {
     double sigma_px = 0.0;                  ///< standard deviation of its constant term
   };
 
+  void add(const CalibrationEvidence& motion, double share_of_new, LikelihoodByMotions* u) const;
   void update();
+  DisparityPrior disparityPrior(const Likelihood& u) const;
   double lensErrorPx() const;
   DisparityPrior expectedByRows(const Coefficients& v_variance) const;
   Yaw yaw(const Likelihood& u, const DisparityPrior& by_rows) const;
@@ -120,7 +122,6 @@ class OnlineStereoCalibration {
   StereoCorrection correction_;
   LikelihoodByMotions u_;
   Likelihood v_;
-  DisparityPrior u_prior_;  // by the rows and the yaw
   /// Of a motion whose share of new features is still unknown.
   std::optional<CalibrationEvidence> waiting_;
 };
@@ -130,9 +131,9 @@ std::vector<OnlineStereoCalibration::VerticalDisparity> verticalDisparities(
     const StereoFrame& frame);
 
 inline auto OnlineStereoCalibration::state() {
-  auto& [camera, correction, u, v, u_prior, waiting] = *this;
+  auto& [camera, correction, u, v, waiting] = *this;
   static_cast<void>(camera);
-  return std::tie(correction, u, v, u_prior, waiting);
+  return std::tie(correction, u, v, waiting);
 }
 
 }  // namespace point_line_odometry

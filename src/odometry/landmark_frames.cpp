@@ -5,7 +5,7 @@
 namespace point_line_odometry {
 namespace {
 
-constexpr int kSettledFrames = 5;
+constexpr int kSettledFrames = 5;  // with a motion, in a row
 
 // Largest share of new ones that is expected among the landmarks which the next frame with features
 // will observe, for one without before it: where the view changes faster, as at every 2nd frame of
@@ -22,6 +22,7 @@ void LandmarkFrames::add(const TrackingResult& tracked, bool measured) {
     return;
   }
   in_a_row_ = 0;
+  if (tracked.reason == TrackingReason::kRepeatedImages) return;  // no doubt
   const bool settled = measured && !tracked.relocalized;
   settled_ = settled ? std::min(settled_ + 1, kSettledFrames) : 0;
 }

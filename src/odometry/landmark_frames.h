@@ -20,8 +20,8 @@ class LandmarkFrames {
   /// A frame becomes the previous one, so much later than the one before it [s].
   void setPreviousSpan(double span_s) { previous_span_s_ = span_s; }
 
-  /// A new map begins, which has few landmarks at first.
-  void startMap() { settled_ = 0; }
+  /// A new map begins, which has few landmarks at first, or a frame could not be processed.
+  void unsettle() { settled_ = 0; }
 
   /// The motion of the last frame is predicted, or the previous frame is another one.
   void forgetMotion() { motion_.reset(); }

@@ -243,6 +243,7 @@ void OdometryState::keepLostMap(const Parameters& parameters) {
 void OdometryState::predict(std::int64_t curr_stamp_ns, const TrackingParameters& parameters,
                             const FramePrior& prior) {
   landmark_frames.forgetMotion();
+  landmark_frames.unsettle();
   tracking = pose.predict(intervals.between(*stamp_ns, curr_stamp_ns), parameters, prior.ofStep());
   noteStamp(curr_stamp_ns);
 }
@@ -410,7 +411,7 @@ void OdometryState::restartMap(const Parameters& parameters) {
 }
 
 void OdometryState::startMap(const Parameters& parameters) {
-  landmark_frames.startMap();
+  landmark_frames.unsettle();
   history.map.reset();
   if (parameters.window.size > 0) history.map.emplace();
   pose.startMap();
